@@ -1,0 +1,43 @@
+# make help lists what there is. Everything runs in .venv, which the first target that needs it makes.
+SHELL := /bin/bash
+PYTHON_FILES := radcam_depth_ros demo test setup.py
+
+# The virtual environment brings its own ROS 2: one that is sourced in this shell must not mix with it.
+unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH
+unexport ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION RMW_IMPLEMENTATION
+# Nothing that is started here talks to other machines.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+# Options of the demo, e.g. `make demo BAG=drive.mcap RATE=1`.
+BAG ?=
+RATE ?=
+FRAMES ?=
+SEED ?=
+OUT ?= out/demo
+
+.PHONY: help demo test lint format clean
+
+help: ## this list
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 10
+
+demo: .venv/installed ## a drive through the live node, with a report [BAG=path] [RATE=1] [FRAMES=n] [SEED=n] [OUT=folder]
+	@.venv/bin/python -m demo --out "$(OUT)" $(if $(BAG),--bag "$(BAG)") $(if $(RATE),--rate "$(RATE)") \
+	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)")
+
+test: .venv/installed ## all tests
+	@ROS_PYTHON_CHECK_FIELDS=1 .venv/bin/python -m pytest $(PYTEST_ARGS)
+
+lint: .venv/installed ## ruff and mypy, as CI runs them
+	@.venv/bin/python -m ruff check $(PYTHON_FILES)
+	@.venv/bin/python -m ruff format --check $(PYTHON_FILES)
+	@.venv/bin/python -m mypy
+
+format: .venv/installed ## format and sort imports in place
+	@.venv/bin/python -m ruff check --fix $(PYTHON_FILES)
+	@.venv/bin/python -m ruff format $(PYTHON_FILES)
+
+clean: ## remove what was built, made and measured here, .venv included
+	@rm -rf .venv build install log out *.egg-info
+
+.venv/installed: setup.py setup.cfg constraints.txt scripts/make_venv
+	@scripts/make_venv

@@ -1,0 +1,1 @@
+"""A drive through the live node: `python -m demo`, or `make demo`."""

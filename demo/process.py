@@ -1,0 +1,71 @@
+"""The node as a process of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+from radcam_depth_ros.frame import RadcamDepthError
+
+
+class DemoError(RadcamDepthError):
+    """The demo cannot go on."""
+
+
+class NodeProcess:
+    """Runs `radcam_depth_node` inside a `with` block; what it logs goes to a file.
+
+    Args:
+        parameters: Its parameter file.
+        log: Where its log goes.
+        environment: Variables besides those of this process.
+        command: What to run in place of the node's executable beside this Python.
+    """
+
+    def __init__(
+        self,
+        parameters: Path,
+        log: Path,
+        environment: Mapping[str, str] | None = None,
+        command: tuple[str, ...] = (),
+    ) -> None:
+        # As the installed executable does it, also where the package is on the path without being installed.
+        start = "import sys; from radcam_depth_ros.node import main; sys.exit(main())"
+        self._command = command or (sys.executable, "-c", start, "--ros-args", "--params-file", str(parameters))
+        self._log = log
+        self._environment = {**os.environ, **(environment or {})}
+
+    def __enter__(self) -> NodeProcess:
+        with self._log.open("wb") as log:
+            self._process = subprocess.Popen(
+                self._command, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, env=self._environment
+            )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            if self._process.poll() is not None:
+                return
+            self._process.send_signal(number)
+            try:
+                self._process.wait(10)
+            except subprocess.TimeoutExpired:
+                continue
+
+    @property
+    def last_lines(self) -> str:
+        """The end of its log."""
+        return "\n".join(self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-12:])
+
+    def check(self) -> None:
+        """Raises DemoError when the process has ended."""
+        exit_code = self._process.poll()
+        if exit_code is not None:
+            raise DemoError(f"the node ended with exit code {exit_code}; {self._log} ends with:\n{self.last_lines}")

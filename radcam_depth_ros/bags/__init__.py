@@ -1,0 +1,21 @@
+"""Bags: reading, writing and building messages without ROS, and finding the sensors among the topics."""
+
+from radcam_depth_ros.bags.errors import BagError
+from radcam_depth_ros.bags.message_factory import RosbagsFactory, factory
+from radcam_depth_ros.bags.reader import BagMessage, BagReader, TopicInfo
+from radcam_depth_ros.bags.topics import SensorTopics, find_topics
+from radcam_depth_ros.bags.transforms import read_static_transforms
+from radcam_depth_ros.bags.writer import BagWriter
+
+__all__ = [
+    "BagError",
+    "BagMessage",
+    "BagReader",
+    "BagWriter",
+    "RosbagsFactory",
+    "SensorTopics",
+    "TopicInfo",
+    "factory",
+    "find_topics",
+    "read_static_transforms",
+]

@@ -1,0 +1,197 @@
+"""Reading ROS 2 bags: a rosbag2 folder (MCAP or SQLite) or a single .mcap or .db3 file."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rosbags.interfaces import Connection, QosDurability
+from rosbags.rosbag2 import Reader
+
+from radcam_depth_ros.bags.definitions import MessageType
+from radcam_depth_ros.bags.errors import BagError, nearest
+
+_STORAGE_SUFFIXES = (".mcap", ".db3")
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """A topic of a bag.
+
+    Attributes:
+        name: For example `/camera/image_raw`.
+        type_name: For example `sensor_msgs/msg/Image`.
+        count: Number of messages.
+        latched: Whether it was published transient local, as `/tf_static` always is.
+    """
+
+    name: str
+    type_name: str
+    count: int
+    latched: bool = False
+
+
+class BagMessage:
+    """A message as recorded; it is deserialised when `message` is first asked for.
+
+    Attributes:
+        topic: Topic name.
+        type_name: For example `sensor_msgs/msg/Image`.
+        log_time_ns: When it was recorded, nanoseconds.
+        raw: The serialised message (CDR).
+        message_type: How `raw` is laid out, for copying it to another bag.
+        qos_profiles: The quality of service that its publishers offered, as rosbags gives it.
+    """
+
+    def __init__(self, connection: Connection, log_time_ns: int, raw: bytes, message_type: MessageType | None) -> None:
+        self.topic: str = connection.topic
+        self.type_name: str = connection.msgtype
+        self.log_time_ns = log_time_ns
+        self.raw = raw
+        self.qos_profiles: tuple[Any, ...] = tuple(connection.ext.offered_qos_profiles)
+        self._message_type = message_type
+
+    @cached_property
+    def message_type(self) -> MessageType:
+        """How `raw` is laid out; BagError where nobody defines it."""
+        # Without a known layout (an old SQLite bag with a vendor's type) only this topic is of no use, not the bag.
+        return self._message_type if self._message_type is not None else MessageType.jazzy(self.type_name)
+
+    @cached_property
+    def message(self) -> Any:
+        """The message, with ROS's attribute names; arrays are read-only views. BagError where it is damaged."""
+        return self.message_type.deserialise(self.raw, self.topic)
+
+
+class BagReader:
+    """A bag opened for reading; a context manager.
+
+    Args:
+        path: A rosbag2 folder with its metadata.yaml, or a single .mcap or .db3 file.
+
+    Attributes:
+        path: Where the bag is.
+        topics: What it holds, sorted by name.
+
+    Raises:
+        BagError: for a path that is missing, no bag, or a bag that is truncated or damaged.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        _check_is_bag(self.path)
+        try:
+            self._reader = Reader(self.path)
+            self._reader.open()
+        except Exception as error:  # a damaged file makes the parser raise nearly anything
+            raise self._damaged(error) from error
+        self._connections: list[Connection] = list(self._reader.connections)
+        self._types: dict[str, MessageType | None] = {}
+        self.topics: tuple[TopicInfo, ...] = self._list_topics()
+
+    def __enter__(self) -> BagReader:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the bag; again is harmless."""
+        if self._reader.is_open:
+            self._reader.close()
+
+    @property
+    def start_ns(self) -> int:
+        """Log time of the first message, nanoseconds; 0 for an empty bag."""
+        return int(self._reader.start_time) if self._reader.message_count else 0
+
+    @property
+    def duration_ns(self) -> int:
+        """From the first to the last message, nanoseconds."""
+        return max(0, int(self._reader.duration) - 1)  # rosbags counts the end as one past the last message
+
+    def count(self, topics: Collection[str] | None = None) -> int:
+        """Number of messages on these topics, by default on all."""
+        self._check_topics(topics)
+        return sum(topic.count for topic in self.topics if topics is None or topic.name in topics)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """The messages in the order of their log times.
+
+        Args:
+            topics: Names of the topics to read; all by default.
+
+        Raises:
+            BagError: for a topic that the bag lacks, and where the bag turns out to be damaged.
+        """
+        self._check_topics(topics)
+        chosen = [connection for connection in self._connections if topics is None or connection.topic in topics]
+        return self._read(chosen)
+
+    def _read(self, connections: list[Connection]) -> Iterator[BagMessage]:
+        if not connections:  # to rosbags none means all
+            return
+        stored = self._reader.messages(connections=connections)
+        while True:
+            try:
+                item = next(stored, None)
+            except Exception as error:  # a damaged file makes the parser raise nearly anything
+                raise self._damaged(error) from error
+            if item is None:
+                return
+            connection, log_time_ns, raw = item
+            yield BagMessage(connection, log_time_ns, bytes(raw), self._type_of(connection))
+
+    def _type_of(self, connection: Connection) -> MessageType | None:
+        name = connection.msgtype
+        if name not in self._types:
+            try:
+                self._types[name] = MessageType.recorded(name, connection.msgdef)
+            except BagError:
+                self._types[name] = None
+        return self._types[name]
+
+    def _list_topics(self) -> tuple[TopicInfo, ...]:
+        counts: dict[tuple[str, str], int] = {}
+        latched: dict[tuple[str, str], bool] = {}
+        for connection in self._connections:  # two publishers of one topic may be two connections
+            key = (connection.topic, connection.msgtype)
+            profiles = connection.ext.offered_qos_profiles
+            transient = any(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in profiles)
+            counts[key] = counts.get(key, 0) + connection.msgcount
+            latched[key] = latched.get(key, connection.topic == "/tf_static") or transient
+        return tuple(TopicInfo(*key, count=counts[key], latched=latched[key]) for key in sorted(counts))
+
+    def _check_topics(self, topics: Collection[str] | None) -> None:
+        known = {topic.name for topic in self.topics}
+        for name in topics or ():
+            if name not in known:
+                raise BagError(f"the bag {self.path} has no topic {name}; it has {nearest(name, known)}")
+
+    def _damaged(self, error: Exception) -> BagError:
+        reason = str(error).rstrip(".") or type(error).__name__
+        return BagError(
+            f"the bag {self.path} is truncated, damaged or no ROS 2 bag ({reason}); copy or record it again, "
+            "or repair an interrupted recording with `mcap recover` or `ros2 bag reindex`"
+        )
+
+
+def _check_is_bag(path: Path) -> None:
+    if not path.exists():
+        raise BagError(f"there is no bag at {path}; give a rosbag2 folder or an .mcap file")
+    if path.is_dir():
+        if (path / "metadata.yaml").is_file():
+            return
+        files = sorted(file for file in path.iterdir() if file.suffix in _STORAGE_SUFFIXES)
+        advice = f"give the file {files[0]} itself" if files else "give a rosbag2 folder or an .mcap file"
+        raise BagError(f"the folder {path} is no rosbag2 bag, it has no metadata.yaml; {advice}")
+    if path.suffix == ".bag":
+        raise BagError(f"{path} is a ROS 1 bag; convert it with `rosbags-convert --src {path} --dst FOLDER`")
+    if path.suffix not in _STORAGE_SUFFIXES:
+        raise BagError(f"{path} is no bag; expected a rosbag2 folder, an .mcap or a .db3 file")

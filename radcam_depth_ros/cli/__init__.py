@@ -1,0 +1,39 @@
+"""`radcam-depth`: one file a verb."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from radcam_depth_ros.cli.evaluate import evaluate
+from radcam_depth_ros.cli.export import export
+from radcam_depth_ros.cli.inspect import inspect
+from radcam_depth_ros.cli.networks import networks
+from radcam_depth_ros.cli.replay import replay
+from radcam_depth_ros.cli.simulate import simulate
+from radcam_depth_ros.cli.train import train
+from radcam_depth_ros.frame import RadcamDepthError
+
+BAD_INPUT = 2
+"""Exit code for what a user can mend; the sentence on stderr says how."""
+
+app = typer.Typer(
+    name="radcam-depth",
+    help="Metric depth images from one camera and its radars: simulate, replay, evaluate, train.\n\n"
+    "Example: radcam-depth simulate out/drive --seed 7 --frames 20 && radcam-depth evaluate out/drive --json -",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for verb in (simulate, replay, evaluate, train, export, networks, inspect):
+    app.command()(verb)
+
+
+def main() -> None:
+    """Runs the command; a mistake of the user's ends with one sentence and exit code 2."""
+    try:
+        app()
+    except RadcamDepthError as error:
+        print(f"radcam-depth: {error}", file=sys.stderr)
+        sys.exit(BAD_INPUT)

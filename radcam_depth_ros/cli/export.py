@@ -1,0 +1,24 @@
+"""`radcam-depth export`: weights to one TorchScript file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from radcam_depth_ros.cli.options import ModelOption, NetworkOption
+from radcam_depth_ros.networks import archive
+
+
+def export(
+    out: Annotated[Path, typer.Argument(help="File to write, .pt by custom.")],
+    network: NetworkOption = "baff",
+    model: ModelOption = None,
+) -> None:
+    """Writes a network, its weights and its card to one file, for the node's `model_file` or a C++ program.
+
+    Example: radcam-depth export out/baff.pt --network baff
+    """
+    archive.export(archive.load(model or network), out)
+    typer.echo(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB", err=True)

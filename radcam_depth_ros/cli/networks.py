@@ -1,0 +1,42 @@
+"""`radcam-depth networks`: what there is to choose from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from radcam_depth_ros.cli.options import JsonOption, write_json
+from radcam_depth_ros.networks import archive, registry
+
+
+def networks(json_target: JsonOption = None) -> None:
+    """Lists the networks, their size, and what the weights that come with them were trained on.
+
+    Example: radcam-depth networks --json -
+    """
+    entries = [_entry(name) for name in registry.names()]
+    if json_target is not None:
+        write_json(entries, json_target)
+        return
+    table = Table(title="networks")
+    for column in ("name", "parameters", "weights", "trained on"):
+        table.add_column(column)
+    for entry in entries:
+        weights = "yes" if entry["weights"] else "no"
+        table.add_row(entry["name"], f"{entry['parameters'] / 1e6:.2f} M", weights, entry["training_data"])
+    Console().print(table)
+
+
+def _entry(name: str) -> dict[str, Any]:
+    has_weights = archive.shipped(name).is_file()
+    loaded = archive.load(name) if has_weights else None
+    network = loaded.network if loaded else registry.create(name)
+    return {
+        "name": name,
+        "parameters": sum(parameter.numel() for parameter in network.parameters()),
+        "weights": has_weights,
+        "training_data": loaded.card.training_data if loaded else "",
+        "metrics": loaded.card.metrics if loaded else {},
+    }

@@ -1,0 +1,67 @@
+"""Options that several verbs share, and how they print."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+
+Bag = Annotated[Path, typer.Argument(help="A rosbag2 folder or .mcap file.")]
+NetworkOption = Annotated[str, typer.Option(help="A network whose weights come with the package.")]
+ModelOption = Annotated[
+    Path | None, typer.Option(help="A weight file (.safetensors or exported .pt), in place of --network.")
+]
+DeviceOption = Annotated[str, typer.Option(help="cpu, or cuda.")]
+ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
+RadarOption = Annotated[list[str] | None, typer.Option(help="Topic of a radar; repeat it for several.")]
+JsonOption = Annotated[str | None, typer.Option("--json", help="Write the figures as JSON to a file, - for stdout.")]
+
+
+class _RateColumn(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.1f}/s" if task.speed else "-/s", style="progress.data.speed")
+
+
+def load_estimator(network: str, model: Path | None, device: str = "cpu") -> Estimator:
+    """The estimator that --network, --model and --device ask for."""
+    return Estimator(EstimatorConfig(network=network, model_file=str(model or ""), device=device))
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """A bar on stderr with count, rate and time left."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _RateColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        yield progress
+
+
+def write_json(values: Any, target: str) -> None:
+    """Writes JSON to stdout for `-`, else to a file, whole or not at all."""
+    text = json.dumps(values, indent=2) + "\n"
+    if target == "-":
+        typer.echo(text, nl=False)
+        return
+    path = Path(target)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,63 @@
+"""`radcam-depth replay`: a bag in, a bag with depth out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from radcam_depth_ros import replay as replaying
+from radcam_depth_ros.cli.options import (
+    Bag,
+    DeviceOption,
+    ImageOption,
+    ModelOption,
+    NetworkOption,
+    RadarOption,
+    load_estimator,
+    progress_bar,
+)
+from radcam_depth_ros.drive import DriveSettings
+
+
+def replay(
+    bag: Bag,
+    out: Annotated[Path, typer.Argument(help="Bag to write: a folder, or a file that ends in .mcap.")],
+    network: NetworkOption = "baff",
+    model: ModelOption = None,
+    device: DeviceOption = "cpu",
+    image: ImageOption = None,
+    radar: RadarOption = None,
+    encoding: Annotated[str, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).")] = "32FC1",
+    passthrough: Annotated[bool, typer.Option("--passthrough", help="Copy the input's messages as well.")] = False,
+    preview: Annotated[bool, typer.Option("--preview", help="Write depth in colours as well.")] = False,
+    points: Annotated[bool, typer.Option("--points", help="Write point clouds as well.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+) -> None:
+    """Writes the depth of every image of a bag to another bag, as the live node would, without dropping a frame.
+
+    Example: radcam-depth simulate out/drive --seed 7 --frames 20 && radcam-depth replay out/drive out/depth.mcap
+    """
+    settings = DriveSettings(image=image, radars=tuple(radar) if radar else None)
+    options = replaying.ReplayOptions(
+        depth_encoding=encoding, passthrough=passthrough, preview=preview, points=points, overwrite=overwrite
+    )
+    estimator = load_estimator(network, model, device)
+    with progress_bar() as progress:
+        task = progress.add_task("replaying", total=None)
+        summary = replaying.replay(
+            bag,
+            out,
+            estimator,
+            settings,
+            options,
+            lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    table = Table(title=str(out))
+    for column in ("images", "depth images", "without radar in view"):
+        table.add_column(column, justify="right")
+    table.add_row(str(summary.images), str(summary.frames), str(summary.without_radar))
+    Console(stderr=True).print(table)

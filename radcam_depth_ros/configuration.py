@@ -1,0 +1,75 @@
+"""Frozen dataclasses from YAML: unknown keys and wrong values are refused with one sentence."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import TypeAdapter, ValidationError
+
+from radcam_depth_ros.frame import RadcamDepthError
+
+ConfigT = TypeVar("ConfigT")
+
+
+class ConfigurationError(RadcamDepthError):
+    """A configuration with an unknown key, a wrong value, or a file that cannot be read."""
+
+
+def build(cls: type[ConfigT], mapping: Mapping[str, Any], source: str = "the configuration") -> ConfigT:
+    """Builds a frozen dataclass, whose fields may be dataclasses too, from nested mappings.
+
+    Args:
+        cls: The dataclass.
+        mapping: Its values; missing keys take the field's default.
+        source: What to call the mapping in errors, a file's name for example.
+
+    Raises:
+        ConfigurationError: for an unknown key, naming the nearest known one, or a value of the wrong type or range.
+    """
+    _refuse_unknown_keys(cls, mapping, source, "")
+    try:
+        return TypeAdapter(cls).validate_python(dict(mapping))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "its values"
+        raise ConfigurationError(f"{source}: {where}: {first['msg']}, got {first.get('input')!r}") from None
+
+
+def load(cls: type[ConfigT], path: Path | str) -> ConfigT:
+    """Builds a dataclass from a YAML file.
+
+    Raises:
+        ConfigurationError: when the file cannot be read, is not a YAML mapping, or does not fit `cls`.
+    """
+    try:
+        mapping = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"cannot read {path} as YAML: {reason}") from None
+    if not isinstance(mapping, dict):
+        raise ConfigurationError(f"{path} must hold a YAML mapping of settings, got {type(mapping).__name__}")
+    return build(cls, mapping, str(path))
+
+
+def as_mapping(config: Any) -> dict[str, Any]:
+    """The plain values of a dataclass, for YAML or JSON: tuples become lists."""
+    plain: dict[str, Any] = TypeAdapter(type(config)).dump_python(config, mode="json")
+    return plain
+
+
+def _refuse_unknown_keys(cls: Any, mapping: Mapping[str, Any], source: str, prefix: str) -> None:
+    hints = typing.get_type_hints(cls)
+    known = [entry.name for entry in dataclasses.fields(cls)]
+    for key, value in mapping.items():
+        if key not in known:
+            near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.4)
+            hint = f"did you mean {prefix}{near[0]}?" if near else f"known keys are {', '.join(known)}"
+            raise ConfigurationError(f"{source}: unknown key {prefix}{key}; {hint}")
+        if dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
+            _refuse_unknown_keys(hints[key], value, source, f"{prefix}{key}.")

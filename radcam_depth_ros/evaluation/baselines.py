@@ -1,0 +1,96 @@
+"""Depth from geometry alone: what a network must beat to earn its place.
+
+`ground_nearest` knows two things: the road is flat, and something is where the radar says. Below the horizon it takes
+the flat road, or the radar return nearest in the image where that is closer; above the horizon the return alone.
+
+Where the camera's height is not known a level camera at `ASSUMED_HEIGHT_M` is assumed: behind a passenger car's
+windscreen. Little hangs on it. On a real drive whose camera is at 1.58 m, as a plane fitted to LiDAR says, 1.3 to 1.6 m
+give a mean absolute error within 50 m of 3.1 to 3.5 m.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from radcam_depth_ros.frame import CameraModel, FloatArray, Frame, GroundPlane
+from radcam_depth_ros.geometry import depth_image, ground_coefficients
+
+ASSUMED_HEIGHT_M = 1.4
+"""Height of a camera of which nothing is known."""
+FARTHEST_M = 100.0
+"""What the sky and the road beyond are given: the far end of the networks' depth range."""
+
+
+def known_or_assumed_ground(frame: Frame, height_m: float | None = None) -> GroundPlane:
+    """The frame's road; where its height is not known, with the given height or `ASSUMED_HEIGHT_M`."""
+    if frame.ground.is_known:
+        return frame.ground
+    return dataclasses.replace(frame.ground, height_m=ASSUMED_HEIGHT_M if height_m is None else height_m)
+
+
+def flat_road(camera: CameraModel, ground: GroundPlane, farthest_m: float = FARTHEST_M) -> FloatArray:
+    """Depth of the flat road.
+
+    Args:
+        camera: The camera.
+        ground: The road; its height must be known.
+        farthest_m: Depth above the horizon, and the limit below it.
+
+    Returns:
+        (H, W) float32 metres, (0, farthest_m].
+    """
+    a, b, c = ground_coefficients(ground, camera)
+    columns = a * np.arange(camera.width, dtype=np.float32)
+    rows = b * np.arange(camera.height, dtype=np.float32) + c
+    inverse = columns[None, :] + rows[:, None]
+    road: FloatArray = np.reciprocal(np.maximum(inverse, np.float32(1.0 / farthest_m)))
+    return road
+
+
+def spread_nearest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gives every pixel the value of the pixel with a value that is nearest in the image.
+
+    OpenCV's distance transform with a 5 x 5 mask: distances are right to about 2 %, so a pixel nearly halfway between
+    two values may get the other one. An exact search takes 50 times as long.
+
+    Args:
+        values: (H, W) float32, NaN where there is none.
+
+    Returns:
+        The values (H, W) float32, all NaN when there was none, and the distance to where they come from, (H, W) float32
+        pixels.
+    """
+    has_value = np.isfinite(values)
+    if not has_value.any():
+        return np.full_like(values, np.nan), np.full_like(values, np.inf)
+    distance, label = cv2.distanceTransformWithLabels(
+        np.where(has_value, np.uint8(0), np.uint8(1)), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    of_label = np.zeros(int(label.max()) + 1, np.float32)
+    of_label[label[has_value]] = values[has_value]
+    return of_label[label], distance
+
+
+def nearest_return(frame: Frame) -> FloatArray:
+    """The depth of the radar return nearest in the image, (H, W) float32 metres; all NaN when none is in view."""
+    return spread_nearest(depth_image(frame.radar.xyz_m, frame.camera))[0]
+
+
+def ground_nearest(frame: Frame, height_m: float | None = None, farthest_m: float = FARTHEST_M) -> FloatArray:
+    """The flat road or the radar return nearest in the image, whichever is closer; see the module's text.
+
+    Args:
+        frame: The frame; its image is not looked at.
+        height_m: The camera's height above the road where the frame does not know it.
+        farthest_m: Limit, metres.
+
+    Returns:
+        (H, W) float32 metres, (0, farthest_m]. Without returns in view, the flat road alone.
+    """
+    road = flat_road(frame.camera, known_or_assumed_ground(frame, height_m), farthest_m)
+    # fmin leaves out the NaN of "no return in view". Above the horizon the road is at farthest_m: the return wins.
+    closer: FloatArray = np.fmin(road, nearest_return(frame))
+    return closer

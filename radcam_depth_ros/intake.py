@@ -1,0 +1,236 @@
+"""Messages -> Frame: decodes what comes, pairs images with radar sweeps, and brings all into the camera's frame."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
+from radcam_depth_ros.geometry import RigidTransform, TransformTree, ground_plane
+from radcam_depth_ros.messages import (
+    ImageReading,
+    RadarReading,
+    Rectifier,
+    decode_image,
+    decode_radar,
+    decode_transforms,
+)
+from radcam_depth_ros.pairing import Pair, Pairer, PairingConfig, PairingCounts
+
+TRANSFORM_TOPICS = ("/tf_static", "/tf")
+
+
+class IntakeError(RadcamDepthError):
+    """An image that no frame can be made of, such as for a missing transform, or a setting that does not fit."""
+
+
+@dataclass(frozen=True)
+class IntakeConfig:
+    """What is read, and how frames are made of it.
+
+    Attributes:
+        image: Topic of the images, sensor_msgs/Image or CompressedImage.
+        camera_info: Topic of the camera's calibration.
+        radars: Topics of the radars' point clouds; may be empty.
+        image_is_rectified: The images are free of distortion, as `image_rect` topics are, whatever camera_info says.
+        camera_frame: Frame of the camera where the image's frame_id is empty.
+        radar_frame: Frame of the radar where a cloud's frame_id is empty.
+        camera_from_radar: Extrinsics in place of `/tf_static`: x y z in metres and the quaternion x y z w of each
+            radar in the camera's optical frame, 7 numbers a radar, in the order of `radars`.
+        footprint_frame: Frame on the road under the vehicle (REP 105); gives the camera's height and attitude.
+        camera_height_m: Height of the camera above the road, in place of `footprint_frame`; 0 where unknown.
+        camera_pitch_deg: With `camera_height_m`: how far the camera looks down, degrees.
+        camera_roll_deg: With `camera_height_m`: how far the camera leans to its right, degrees.
+        pairing: How images find their radar sweeps.
+    """
+
+    image: str = "image"
+    camera_info: str = "camera_info"
+    radars: tuple[str, ...] = ("radar/points",)
+    image_is_rectified: bool = False
+    camera_frame: str = ""
+    radar_frame: str = ""
+    camera_from_radar: tuple[float, ...] = ()
+    footprint_frame: str = "base_footprint"
+    camera_height_m: float = 0.0
+    camera_pitch_deg: float = 0.0
+    camera_roll_deg: float = 0.0
+    pairing: PairingConfig = field(default_factory=PairingConfig)
+
+    def __post_init__(self) -> None:
+        expected = 7 * len(self.radars)
+        if self.camera_from_radar and len(self.camera_from_radar) != expected:
+            raise IntakeError(
+                f"camera_from_radar needs x y z qx qy qz qw for each of {len(self.radars)} radars, {expected} numbers, "
+                f"got {len(self.camera_from_radar)}"
+            )
+        if not 0 <= self.camera_height_m < math.inf:
+            raise IntakeError(f"camera_height_m must be 0 (unknown) or positive, got {self.camera_height_m}")
+        if len({self.image, self.camera_info, *self.radars}) != 2 + len(self.radars):
+            raise IntakeError(
+                f"image, camera_info and the radars must be different topics, got {self.image!r}, "
+                f"{self.camera_info!r} and {list(self.radars)}"
+            )
+
+
+class Intake:
+    """Takes messages as they come and gives frames.
+
+    Args:
+        config: What to read.
+
+    Attributes:
+        transforms: The transform tree, filled from `/tf_static` and `/tf`.
+        dropped_returns: Of each radar, how many returns of its last sweep were left out since they were not finite.
+    """
+
+    def __init__(self, config: IntakeConfig) -> None:
+        self.config = config
+        self.transforms = TransformTree()
+        self.dropped_returns = dict.fromkeys(config.radars, 0)
+        self._rectifier: Rectifier | None = None
+        self._pairer: Pairer[ImageReading, RadarReading] = Pairer(config.radars, config.pairing)
+        self._ready: deque[Pair[ImageReading, RadarReading]] = deque()
+        self._fixed_extrinsics = tuple(
+            RigidTransform.from_quaternion(values[:3], values[3:])
+            for values in np.reshape(config.camera_from_radar, (-1, 7))
+        )
+
+    @property
+    def camera(self) -> CameraModel | None:
+        """The rectified camera; None until camera_info came."""
+        return self._rectifier.camera if self._rectifier else None
+
+    @property
+    def counts(self) -> PairingCounts:
+        """What was paired so far."""
+        return self._pairer.counts
+
+    def accept(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
+        """Takes one message.
+
+        Args:
+            topic: One of the topics of the config, `/tf_static` or `/tf`; others are ignored.
+            message: Of the topic's type, of rclpy or rosbags.
+            now_ns: Time of arrival on a clock that never goes back; says how long an image has waited.
+
+        Returns:
+            Frames that are complete now, in stamp order.
+
+        Raises:
+            RadcamDepthError: for a message that cannot be used; it is left out, and nothing else is lost.
+        """
+        if topic == self.config.image:
+            image = decode_image(message)
+            return self._frames(self._pairer.add_image(image.stamp_ns, image, now_ns))
+        if topic in self.config.radars:
+            sweep = decode_radar(message)
+            self.dropped_returns[topic] = sweep.dropped
+            return self._frames(self._pairer.add_sweep(topic, sweep.stamp_ns, sweep, now_ns))
+        if topic == self.config.camera_info:
+            if self._rectifier is None or not self._rectifier.matches(message):
+                self._rectifier = None
+                self._rectifier = Rectifier(message, image_is_rectified=self.config.image_is_rectified)
+        elif topic in TRANSFORM_TOPICS:
+            for link in decode_transforms(message):
+                self.transforms.set(link.parent_frame, link.child_frame, link.parent_from_child)
+        return ()
+
+    def expire(self, now_ns: int) -> tuple[Frame, ...]:
+        """Frames whose images have waited for a radar sweep long enough."""
+        return self._frames(self._pairer.expire(now_ns))
+
+    def flush(self) -> tuple[Frame, ...]:
+        """Frames of all images that still wait, at the end of a bag."""
+        self._ready.extend(self._pairer.flush())
+        frames = tuple(self._frame(pair) for pair in self._ready)
+        self._ready.clear()
+        return frames
+
+    def _frames(self, pairs: tuple[Pair[ImageReading, RadarReading], ...]) -> tuple[Frame, ...]:
+        # Several pairs come out together when an image had to wait. One that cannot be used must neither take those
+        # before it along nor go away in silence: it stays, and its error is raised by the next call.
+        self._ready.extend(pairs)
+        frames: list[Frame] = []
+        while self._ready:
+            try:
+                frames.append(self._frame(self._ready[0]))
+            except RadcamDepthError as error:
+                if frames:
+                    break
+                self._ready.popleft()
+                # Of one type, so that the caller can tell it from an error in the message that completed the frame.
+                raise IntakeError(str(error)) from error
+            self._ready.popleft()
+        return tuple(frames)
+
+    def _frame(self, pair: Pair[ImageReading, RadarReading]) -> Frame:
+        if self._rectifier is None:
+            raise IntakeError(
+                f"an image came on {self.config.image!r} but no usable camera_info on {self.config.camera_info!r}; "
+                "publish the camera's calibration there, or set the topic's name"
+            )
+        reading = pair.image
+        frame_id = reading.frame_id or self.config.camera_frame
+        if not frame_id and not self._fixed_extrinsics:
+            raise IntakeError(
+                f"the images on {self.config.image!r} have an empty frame_id; set it in the driver, or set the "
+                "parameter camera_frame"
+            )
+        image = self._rectifier.apply(reading.image)
+        parts = tuple(
+            RadarReturns.empty() if sweep is None else self._in_camera(index, sweep, frame_id, offset or 0.0)
+            for index, (sweep, offset) in enumerate(zip(pair.sweeps, pair.offsets_s, strict=True))
+        )
+        return Frame(
+            reading.stamp_ns,
+            frame_id,
+            image,
+            self._rectifier.camera,
+            RadarReturns.concatenate(parts),
+            self._ground(frame_id),
+            tuple(len(part) for part in parts),
+        )
+
+    def _in_camera(self, index: int, sweep: RadarReading, camera_frame: str, offset_s: float) -> RadarReturns:
+        returns = sweep.returns
+        age_s = np.full(len(returns), -offset_s, np.float32)
+        camera_from_radar = self._camera_from_radar(index, sweep.frame_id, camera_frame)
+        return RadarReturns(camera_from_radar.apply(returns.xyz_m), returns.rcs_dbsm, returns.radial_speed_mps, age_s)
+
+    def _camera_from_radar(self, index: int, radar_frame: str, camera_frame: str) -> RigidTransform:
+        if self._fixed_extrinsics:
+            return self._fixed_extrinsics[index]
+        frame = radar_frame or self.config.radar_frame
+        if not frame:
+            raise IntakeError(
+                f"the clouds on {self.config.radars[index]!r} have an empty frame_id; set it in the driver, or set the "
+                "parameter radar_frame"
+            )
+        if not self.transforms.can_transform(camera_frame, frame) and not self.transforms.frames:
+            raise IntakeError(
+                f"no transform from {frame!r} to {camera_frame!r}: nothing came on /tf_static; publish it, or set the "
+                "parameter camera_from_radar (x y z qx qy qz qw)"
+            )
+        return self.transforms.lookup(camera_frame, frame)
+
+    def _ground(self, camera_frame: str) -> GroundPlane:
+        if self.config.camera_height_m > 0:
+            return level_ground(self.config.camera_height_m, self.config.camera_pitch_deg, self.config.camera_roll_deg)
+        footprint = self.config.footprint_frame
+        if camera_frame and footprint and self.transforms.can_transform(camera_frame, footprint):
+            return ground_plane(self.transforms.lookup(camera_frame, footprint))
+        return GroundPlane()
+
+
+def level_ground(height_m: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> GroundPlane:
+    """The flat road under a camera at a height, looking down by the pitch and leaning to its right by the roll."""
+    pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
+    return GroundPlane(
+        height_m,
+        (-math.sin(roll) * math.cos(pitch), -math.cos(roll) * math.cos(pitch), -math.sin(pitch)),
+    )

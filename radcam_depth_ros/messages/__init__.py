@@ -1,0 +1,74 @@
+"""Messages to values and back.
+
+Reading takes any object with the ROS attribute names, of rclpy and of rosbags alike; writing goes through a
+`MessageFactory`. Neither library is imported.
+"""
+
+from __future__ import annotations
+
+from radcam_depth_ros.messages.clouds import PointsReading, decode_points
+from radcam_depth_ros.messages.encode_clouds import encode_cloud, encode_points
+from radcam_depth_ros.messages.encode_images import (
+    DEPTH_ENCODINGS,
+    colorise,
+    encode_camera_info,
+    encode_compressed_image,
+    encode_confidence,
+    encode_depth,
+    encode_image,
+    encode_preview,
+)
+from radcam_depth_ros.messages.images import (
+    ClassReading,
+    DepthReading,
+    ImageReading,
+    decode_classes,
+    decode_depth,
+    decode_image,
+)
+from radcam_depth_ros.messages.radar import DEFAULT_ALIASES, FieldAliases, RadarReading, decode_radar
+from radcam_depth_ros.messages.rectify import Rectifier
+from radcam_depth_ros.messages.transforms import (
+    OdometryReading,
+    StampedTransform,
+    decode_odometry,
+    decode_transforms,
+    encode_odometry,
+    encode_transforms,
+)
+from radcam_depth_ros.messages.wire import MessageError, MessageFactory, stamp_ns
+
+__all__ = [
+    "DEFAULT_ALIASES",
+    "DEPTH_ENCODINGS",
+    "ClassReading",
+    "DepthReading",
+    "FieldAliases",
+    "ImageReading",
+    "MessageError",
+    "MessageFactory",
+    "OdometryReading",
+    "PointsReading",
+    "RadarReading",
+    "Rectifier",
+    "StampedTransform",
+    "colorise",
+    "decode_classes",
+    "decode_depth",
+    "decode_image",
+    "decode_odometry",
+    "decode_points",
+    "decode_radar",
+    "decode_transforms",
+    "encode_camera_info",
+    "encode_cloud",
+    "encode_compressed_image",
+    "encode_confidence",
+    "encode_depth",
+    "encode_image",
+    "encode_odometry",
+    "encode_points",
+    "encode_preview",
+    "encode_transforms",
+    "stamp_ns",
+]

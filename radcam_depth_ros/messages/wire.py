@@ -1,0 +1,83 @@
+"""What all messages share: the error, the header, the bytes of `data`, and how messages are built.
+
+Messages are any objects with the ROS attribute names, those of rclpy and those of rosbags alike; neither is imported.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from radcam_depth_ros.frame import ImageArray, RadcamDepthError
+
+NANOSECONDS = 1_000_000_000
+
+
+class MessageError(RadcamDepthError):
+    """A message that cannot be read, or values that cannot be written as one."""
+
+
+class MessageFactory(Protocol):
+    """Builds messages, so that encoding runs with rclpy and with rosbags.
+
+    Every field that has a meaning is given; fields left out take the type's default. Nested messages come from the
+    same factory, numbers are Python's, sequences of bytes or float64 are one-dimensional contiguous numpy arrays
+    (`data` is uint8 and may be a view of the caller's memory), sequences of messages are lists.
+    """
+
+    def __call__(self, type_name: str, **fields: object) -> Any:
+        """Builds one message.
+
+        Args:
+            type_name: As in `sensor_msgs/msg/Image`.
+            **fields: Values by field name.
+        """
+        ...
+
+
+def stamp_ns(header: Any) -> int:
+    """Nanoseconds of a std_msgs/Header's stamp."""
+    return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
+
+
+def make_header(factory: MessageFactory, stamp_ns: int, frame_id: str) -> Any:
+    """A std_msgs/Header."""
+    seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
+    stamp = factory("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+    return factory("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+
+def require_fields(message: Any, type_name: str, *names: str) -> None:
+    """Checks that a message has the fields that will be read.
+
+    Raises:
+        MessageError: when one is missing: the message is of another type.
+    """
+    missing = [name for name in names if not hasattr(message, name)]
+    if missing:
+        raise MessageError(
+            f"expected a {type_name}, got a {type(message).__name__} without {', '.join(missing)}; "
+            "check the type of the topic"
+        )
+
+
+def data_bytes(message: Any) -> ImageArray:
+    """The message's `data`, (N,) uint8, sharing its memory.
+
+    Raises:
+        MessageError: when `data` is not a buffer.
+    """
+    try:
+        return np.frombuffer(message.data, np.uint8)
+    except (TypeError, ValueError, BufferError) as error:
+        raise MessageError(
+            f"expected bytes in the data of a {type(message).__name__}, got {type(message.data).__name__}; "
+            "fill it with bytes, an array.array('B') or a uint8 array"
+        ) from error
+
+
+def flat_bytes(array: np.ndarray[Any, Any]) -> ImageArray:
+    """An array's memory, (N,) uint8, a view where the array is contiguous."""
+    flat: ImageArray = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+    return flat

@@ -1,0 +1,18 @@
+"""The networks: torch only. `create` builds one by name, `archive` reads and writes their weights."""
+
+from radcam_depth_ros.networks.baff import Baff, BaffConfig
+from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Association, Depths, Network, TrainOutputs
+from radcam_depth_ros.networks.registry import ArchitectureError, create, names
+
+__all__ = [
+    "RADAR_COLUMNS",
+    "ArchitectureError",
+    "Association",
+    "Baff",
+    "BaffConfig",
+    "Depths",
+    "Network",
+    "TrainOutputs",
+    "create",
+    "names",
+]

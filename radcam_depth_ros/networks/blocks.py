@@ -1,0 +1,127 @@
+"""Blocks that the networks share: convolutions, a residual encoder, up-sampling, depth planes."""
+
+import math
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+LEAK = 0.2  # METHODS A gives leaky ReLU 0.2 for the public baseline; the paper names no slope.
+
+
+class ConvBlock(nn.Sequential):
+    """Convolution, batch norm, leaky ReLU; `stride` divides the size."""
+
+    def __init__(self, in_channels: int, out_channels: int, kernel: int = 3, stride: int = 1) -> None:
+        super().__init__(
+            nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, bias=False),
+            nn.BatchNorm2d(out_channels),
+            nn.LeakyReLU(LEAK, inplace=True),
+        )
+
+
+class ResidualBlock(nn.Module):
+    """Two 3x3 convolutions and a shortcut (He et al. 2016, basic block)."""
+
+    def __init__(self, in_channels: int, out_channels: int, stride: int = 1) -> None:
+        super().__init__()
+        self.first = ConvBlock(in_channels, out_channels, stride=stride)
+        self.second = nn.Sequential(
+            nn.Conv2d(out_channels, out_channels, 3, padding=1, bias=False), nn.BatchNorm2d(out_channels)
+        )
+        self.shortcut: nn.Module = nn.Identity()
+        if stride != 1 or in_channels != out_channels:
+            self.shortcut = nn.Sequential(
+                nn.Conv2d(in_channels, out_channels, 1, stride, bias=False), nn.BatchNorm2d(out_channels)
+            )
+        self.activation = nn.LeakyReLU(LEAK, inplace=True)
+
+    def forward(self, x: Tensor) -> Tensor:
+        result: Tensor = self.activation(self.second(self.first(x)) + self.shortcut(x))
+        return result
+
+
+class ResidualEncoder(nn.Module):
+    """ResNet-18 style encoder: 7x7 stride 2, max pool, two residual blocks a level.
+
+    Args:
+        in_channels: Planes of the input.
+        channels: Channels at 1/2, 1/4, 1/8, 1/16, 1/32.
+    """
+
+    def __init__(self, in_channels: int, channels: tuple[int, ...]) -> None:
+        super().__init__()
+        self.stem = ConvBlock(in_channels, channels[0], kernel=7, stride=2)
+        self.pool = nn.MaxPool2d(3, 2, 1)
+        levels: list[nn.Module] = []
+        for index in range(1, len(channels)):
+            stride = 1 if index == 1 else 2
+            levels.append(
+                nn.Sequential(
+                    ResidualBlock(channels[index - 1], channels[index], stride),
+                    ResidualBlock(channels[index], channels[index]),
+                )
+            )
+        self.levels = nn.ModuleList(levels)
+
+    def forward(self, x: Tensor) -> list[Tensor]:
+        """Takes (B, C, H, W) to five maps, finest first."""
+        maps = [self.stem(x)]
+        x = self.pool(maps[0])
+        for level in self.levels:
+            x = level(x)
+            maps.append(x)
+        return maps
+
+
+class UpBlock(nn.Module):
+    """Doubles the size (nearest), joins a skip connection, convolves."""
+
+    def __init__(self, in_channels: int, skip_channels: int, out_channels: int) -> None:
+        super().__init__()
+        self.conv = ConvBlock(in_channels + skip_channels, out_channels)
+
+    def forward(self, x: Tensor, skip: Tensor) -> Tensor:
+        joined = torch.cat([double(x), skip], dim=1)
+        result: Tensor = self.conv(joined)
+        return result
+
+
+def double(x: Tensor) -> Tensor:
+    """Doubles height and width, each value repeated."""
+    return functional.interpolate(x, scale_factor=2.0, mode="nearest")
+
+
+def depth_to_plane(depth_m: Tensor, min_depth_m: float, max_depth_m: float) -> Tensor:
+    """Depth as an input plane: its logarithm, 0 at the nearest and 1 at the farthest depth, clipped."""
+    scaled = torch.log(depth_m.clamp(min_depth_m, max_depth_m) / min_depth_m)
+    return scaled / math.log(max_depth_m / min_depth_m)
+
+
+def plane_to_depth(plane: Tensor, min_depth_m: float, max_depth_m: float) -> Tensor:
+    """Inverse of `depth_to_plane` for values of 0 to 1, in float32."""
+    return min_depth_m * torch.exp(plane.float() * math.log(max_depth_m / min_depth_m))
+
+
+def ground_planes(ground: Tensor, height: int, width: int, min_depth_m: float, max_depth_m: float) -> Tensor:
+    """The flat road as two planes: its depth as `depth_to_plane` (1 above the horizon), and whether it is known.
+
+    Args:
+        ground: (B, 3) a, b, c of the inverse depth a u + b v + c, NaN where unknown.
+        height: Rows of the planes.
+        width: Columns of the planes.
+        min_depth_m: Depth that becomes 0.
+        max_depth_m: Depth that becomes 1.
+
+    Returns:
+        (B, 2, height, width); both 0 where the road is unknown.
+    """
+    known = torch.isfinite(ground).all(dim=1).float().reshape(-1, 1, 1)
+    coefficients = torch.nan_to_num(ground, nan=0.0, posinf=0.0, neginf=0.0)
+    u = torch.arange(width, device=ground.device, dtype=torch.float32)
+    v = torch.arange(height, device=ground.device, dtype=torch.float32)
+    a, b, c = coefficients[:, 0], coefficients[:, 1], coefficients[:, 2]
+    inverse = a.reshape(-1, 1, 1) * u.reshape(1, 1, -1) + b.reshape(-1, 1, 1) * v.reshape(1, -1, 1)
+    inverse = (inverse + c.reshape(-1, 1, 1)).clamp(1.0 / max_depth_m, 1.0 / min_depth_m)
+    plane = depth_to_plane(1.0 / inverse, min_depth_m, max_depth_m)
+    return torch.stack([plane * known, torch.ones_like(plane) * known], dim=1)

@@ -1,0 +1,75 @@
+"""What every network takes and gives.
+
+A network is called as `network(image, radar, valid, ground) -> Depths`:
+
+- image (B, 3, H, W) float, 0 to 1; H and W are multiples of 32.
+- radar (B, N, 6) float, columns of `RADAR_COLUMNS`; N may be 0. NaN where a sensor does not give a value.
+- valid (B, N) bool: rows that are returns; the others are padding.
+- ground (B, 3) float: a, b, c of the flat road's inverse depth a u + b v + c in 1 / m; NaN where unknown.
+
+Depth is metres along the camera's z axis. Drawing radar into image planes happens inside, so that a network needs
+nothing but its archive.
+"""
+
+from typing import Any, ClassVar, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+RADAR_COLUMNS = ("u_px", "v_px", "depth_m", "rcs_dbsm", "radial_speed_mps", "age_s")
+"""Columns of the radar input; u and v are pixels of the image that the network is given."""
+
+
+class Depths(NamedTuple):
+    """What every network returns; each (B, 1, H, W) float32.
+
+    dense: metres within the network's depth range, everywhere.
+    semi_dense: metres where a radar return was associated, NaN elsewhere.
+    confidence: probability that `dense` is within 10 % of the true depth.
+    """
+
+    dense: Tensor
+    semi_dense: Tensor
+    confidence: Tensor
+
+
+class Association(NamedTuple):
+    """Which pixels belong to which radar return, as training needs it.
+
+    logits: (B, N, h, w), of the probability that a pixel belongs to a return.
+    columns: (B, N, w) int64, the column of each logit in the image divided by `stride`; -1 outside of the image, of the
+        return's region of interest, or for padding.
+    stride: pixels a logit, so h = H / stride.
+    """
+
+    logits: Tensor
+    columns: Tensor
+    stride: int
+
+
+class TrainOutputs(NamedTuple):
+    """What training needs of a network: the depths, and what its other losses are made from."""
+
+    depths: Depths
+    association: Association
+    confidence_logit: Tensor
+
+
+class Network(nn.Module):
+    """Base of the networks in the registry.
+
+    Attributes:
+        config_type: The frozen dataclass of the architecture.
+        config: Its instance: architecture only, no loss weights, paths or devices.
+    """
+
+    config_type: ClassVar[type[Any]]
+
+    def __init__(self, config: Any) -> None:
+        super().__init__()
+        self.config = config
+
+    @torch.jit.unused
+    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
+        """The forward pass with what losses need; arguments as in `forward`."""
+        raise TypeError(f"{type(self).__name__} cannot be trained: it does not define train_outputs")

@@ -1,0 +1,53 @@
+"""The networks by name. Registering a network makes it available everywhere: the contract tests run over all names."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from radcam_depth_ros import configuration
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.networks.interface import Network
+
+NetworkT = TypeVar("NetworkT", bound=type[Network])
+
+_NETWORKS: dict[str, type[Network]] = {}
+
+
+class ArchitectureError(RadcamDepthError):
+    """A network's name or architecture that cannot be built."""
+
+
+def register(name: str) -> Callable[[NetworkT], NetworkT]:
+    """Class decorator that makes a network available under a name."""
+
+    def add(network: NetworkT) -> NetworkT:
+        _NETWORKS[name] = network
+        return network
+
+    return add
+
+
+def names() -> tuple[str, ...]:
+    """Names of all networks, sorted."""
+    return tuple(sorted(_NETWORKS))
+
+
+def create_config(name: str, architecture: Mapping[str, Any] | None = None) -> Any:
+    """Builds the config of a network, checked.
+
+    Args:
+        name: One of `names()`.
+        architecture: Its values; those left out take their defaults.
+
+    Raises:
+        ArchitectureError: for an unknown name, or values that do not fit together.
+        ConfigurationError: for an unknown key.
+    """
+    if name not in _NETWORKS:
+        raise ArchitectureError(f"unknown network {name!r}; known networks: {', '.join(names())}")
+    return configuration.build(_NETWORKS[name].config_type, architecture or {}, f"the architecture of {name}")
+
+
+def create(name: str, architecture: Mapping[str, Any] | None = None) -> Network:
+    """Builds a network with fresh weights; arguments and errors as `create_config`."""
+    config = create_config(name, architecture)
+    return _NETWORKS[name](config)

@@ -1,0 +1,7 @@
+"""The live node: lifecycle, quality of service, back-pressure, diagnostics, publishing."""
+
+from __future__ import annotations
+
+from radcam_depth_ros.node.process import main
+
+__all__ = ["main"]

@@ -1,0 +1,182 @@
+"""What the node knows of its own health: problems with each part, rates and latencies. No ROS in here."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections import OrderedDict, deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+SECOND_NS = 1_000_000_000
+
+
+class Level(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class Status:
+    """One line of `/diagnostics`.
+
+    Attributes:
+        name: The part of the node, such as "camera".
+        level: How it does.
+        message: One sentence.
+        values: Names and values for whoever looks closer.
+    """
+
+    name: str
+    level: Level
+    message: str
+    values: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass
+class _Problem:
+    level: Level
+    sentence: str
+    told: bool = False
+    over: bool = False
+
+
+class Problems:
+    """The present problem of each part; written to by callbacks and the worker, read by diagnostics.
+
+    A problem stays until the part works again, and in any case until it was told once: a single bad message between two
+    diagnostics is not lost.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._present: dict[str, _Problem] = {}
+        self._counts: dict[str, int] = {}
+        self._last: dict[str, str] = {}
+
+    def report(self, part: str, level: Level, sentence: str) -> None:
+        """Something is wrong with a part."""
+        with self._lock:
+            self._present[part] = _Problem(level, sentence)
+            self._counts[part] = self._counts.get(part, 0) + 1
+            self._last[part] = sentence
+
+    def settle(self, part: str) -> None:
+        """A part works (again)."""
+        with self._lock:
+            problem = self._present.get(part)
+            if problem is None:
+                return
+            problem.over = True
+            if problem.told:
+                del self._present[part]
+
+    def settle_all(self) -> None:
+        """All parts begin anew: what was wrong before does not count."""
+        with self._lock:
+            self._present.clear()
+
+    def tell(self, part: str) -> tuple[Level, str] | None:
+        """The part's level and sentence, None when it is well; what is over is forgotten after this."""
+        with self._lock:
+            problem = self._present.get(part)
+            if problem is None:
+                return None
+            problem.told = True
+            if problem.over:
+                del self._present[part]
+            return problem.level, problem.sentence
+
+    def peek(self, part: str) -> str | None:
+        """The sentence of a problem that is not over."""
+        with self._lock:
+            problem = self._present.get(part)
+            return None if problem is None or problem.over else problem.sentence
+
+    def history(self, part: str) -> tuple[tuple[str, str], ...]:
+        """How many problems there were and the last one, as diagnostics values."""
+        with self._lock:
+            if part not in self._counts:
+                return ()
+            return (("problems", str(self._counts[part])), ("last problem", self._last[part]))
+
+
+class Throttle:
+    """Lets a kind of sentence through once in a while; sentences that differ in numbers only are of one kind.
+
+    Args:
+        interval_s: Seconds between two of a kind.
+    """
+
+    _LARGEST = 256
+
+    def __init__(self, interval_s: float) -> None:
+        self._interval_ns = round(interval_s * SECOND_NS)
+        self._lock = threading.Lock()
+        self._passed: OrderedDict[tuple[str, str], int] = OrderedDict()
+
+    def passes(self, part: str, sentence: str, now_ns: int) -> bool:
+        """Whether to log a sentence about a part now."""
+        key = (part, re.sub(r"\d+(\.\d+)?", "#", sentence))
+        with self._lock:
+            last = self._passed.get(key)
+            if last is not None and now_ns - last < self._interval_ns:
+                return False
+            self._passed[key] = now_ns
+            self._passed.move_to_end(key)
+            if len(self._passed) > self._LARGEST:
+                self._passed.popitem(last=False)
+            return True
+
+
+class Rate:
+    """How often something happens, over the last seconds.
+
+    Args:
+        window_s: How far back to look.
+    """
+
+    def __init__(self, window_s: float = 5.0) -> None:
+        self._window_ns = round(window_s * SECOND_NS)
+        self._times: deque[int] = deque(maxlen=512)
+        self.count = 0
+        """How often it happened at all."""
+
+    def tick(self, now_ns: int) -> None:
+        """It happens now."""
+        self._times.append(now_ns)
+        self.count += 1
+
+    def hertz(self, now_ns: int) -> float:
+        """Happenings a second, 0 when there were less than two of late."""
+        recent = [time for time in tuple(self._times) if now_ns - time <= self._window_ns]
+        if len(recent) < 2 or recent[-1] == recent[0]:
+            return 0.0
+        return (len(recent) - 1) * SECOND_NS / (recent[-1] - recent[0])
+
+    def age_s(self, now_ns: int) -> float | None:
+        """Seconds since it last happened; None when it never did."""
+        return (now_ns - self._times[-1]) / SECOND_NS if self._times else None
+
+
+class Durations:
+    """Percentiles of the last durations of something."""
+
+    def __init__(self, size: int = 512) -> None:
+        self._values_ns: deque[int] = deque(maxlen=size)
+
+    def add(self, duration_ns: int) -> None:
+        """It took this long."""
+        self._values_ns.append(duration_ns)
+
+    def percentiles_ms(self, percentiles: Iterable[float] = (50.0, 95.0, 99.0)) -> tuple[float, ...]:
+        """Milliseconds at each percentile; empty when there is nothing yet."""
+        values = np.array(tuple(self._values_ns), np.float64)
+        return tuple(float(value) for value in np.percentile(values, tuple(percentiles)) / 1e6) if len(values) else ()

@@ -1,0 +1,142 @@
+"""What the node subscribes to, and with which quality of service."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from radcam_depth_ros.intake import TRANSFORM_TOPICS
+from radcam_depth_ros.node.factory import message_class
+from radcam_depth_ros.parameters import NodeConfig
+
+TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
+OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+"""Policies that `qos_overrides.<topic>.subscription.*` parameters change."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One topic that is read.
+
+    Attributes:
+        part: What it is, in diagnostics and logs.
+        topic: Its full name, remapped.
+        type_name: As in `sensor_msgs/msg/Image`.
+        depth: How many messages wait at most.
+        is_latched: The last message is wanted even if it came before the node.
+    """
+
+    part: str
+    topic: str
+    type_name: str
+    depth: int
+    is_latched: bool = False
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Best effort, since a reliable reader would hear nothing of a best-effort sensor; latched ones are reliable."""
+        return QoSProfile(
+            depth=self.depth,
+            reliability=ReliabilityPolicy.RELIABLE if self.is_latched else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if self.is_latched else DurabilityPolicy.VOLATILE,
+        )
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """All topics that are read.
+
+    Attributes:
+        camera: The images.
+        camera_info: The camera's calibration.
+        radars: The radars' clouds, in the order of the parameter.
+        transforms: `/tf_static` and `/tf`; empty where tf2_msgs is not installed.
+    """
+
+    camera: Input
+    camera_info: Input
+    radars: tuple[Input, ...]
+    transforms: tuple[Input, ...]
+
+    def __iter__(self) -> Any:
+        return iter((self.camera, self.camera_info, *self.radars, *self.transforms))
+
+
+def find_inputs(node: Node, config: NodeConfig) -> Inputs:
+    """The topics that a config names, as the node's namespace and remappings make them.
+
+    Raises:
+        rclpy.exceptions.NameValidationException: for a name that is none.
+    """
+    image, image_type = node.resolve_topic_name(config.pipeline.image), "sensor_msgs/msg/Image"
+    if config.image_transport == "compressed":
+        image_type = "sensor_msgs/msg/CompressedImage"
+        image = image if image.endswith("/compressed") else f"{image}/compressed"
+    radars = tuple(node.resolve_topic_name(topic) for topic in config.pipeline.radars)
+    static, dynamic = TRANSFORM_TOPICS
+    return Inputs(
+        camera=Input("camera", image, image_type, 2),
+        camera_info=Input(
+            "camera_info", node.resolve_topic_name(config.pipeline.camera_info), "sensor_msgs/msg/CameraInfo", 2
+        ),
+        radars=tuple(Input(f"radar {topic}", topic, "sensor_msgs/msg/PointCloud2", 10) for topic in radars),
+        transforms=(
+            Input("transforms", static, TRANSFORM_TYPE, 100, is_latched=True),
+            Input("transforms", dynamic, TRANSFORM_TYPE, 100),
+        )
+        if has_transform_messages()
+        else (),
+    )
+
+
+def has_transform_messages() -> bool:
+    """Whether tf2_msgs is installed; it is not on PyPI."""
+    try:
+        message_class(TRANSFORM_TYPE)
+    except ModuleNotFoundError:
+        return False
+    return True
+
+
+def subscribe(
+    node: Node,
+    source: Input,
+    on_message: Callable[[Input, Any], None],
+    on_problem: Callable[[str, str], None],
+) -> Subscription:
+    """Subscribes to an input.
+
+    Args:
+        node: The node.
+        source: The input.
+        on_message: Called with the input and each message.
+        on_problem: Called with the input's part and a sentence when a publisher cannot be heard.
+    """
+
+    def on_incompatible(event: QoSRequestedIncompatibleQoSInfo) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        on_problem(
+            source.part,
+            f"a publisher on {source.topic} offers an incompatible quality of service, nothing of it will be heard: "
+            f"its {policy} does not meet what this node asks for; set the parameter qos_overrides.{source.topic}."
+            f"subscription.{policy.lower()} to what it offers, or change the publisher",
+        )
+
+    def on_other_type(_: object) -> None:
+        on_problem(source.part, f"expected {source.type_name} on {source.topic}, somebody publishes another type")
+
+    return node.create_subscription(
+        message_class(source.type_name),
+        source.topic,
+        lambda message: on_message(source, message),
+        source.qos,
+        event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible, incompatible_type=on_other_type),
+        qos_overriding_options=QoSOverridingOptions(OVERRIDABLE),
+    )

@@ -1,0 +1,82 @@
+"""A mailbox for one item, and the thread that empties it: the newest frame is worked on, an older one is dropped."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+ItemT = TypeVar("ItemT")
+
+
+class Mailbox(Generic[ItemT]):
+    """Holds the newest item only, so that a slow reader is never behind by more than the item it works on."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._item: ItemT | None = None
+        self._closed = False
+        self._dropped = 0
+
+    @property
+    def dropped(self) -> int:
+        """How many items were replaced by a newer one before anybody took them."""
+        return self._dropped
+
+    def put(self, item: ItemT) -> None:
+        """Leaves an item; one that still waits is dropped and counted. After `close` this does nothing."""
+        with self._changed:
+            if self._closed:
+                return
+            self._dropped += self._item is not None
+            self._item = item
+            self._changed.notify()
+
+    def take(self) -> ItemT | None:
+        """Waits for an item; None when the mailbox was closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._item is not None)
+            item, self._item = self._item, None
+            return item
+
+    def close(self) -> None:
+        """Throws away what waits and wakes the reader for good."""
+        with self._changed:
+            self._closed = True
+            self._item = None
+            self._changed.notify_all()
+
+
+class Worker(Generic[ItemT]):
+    """A thread that works on the newest item of a mailbox.
+
+    Args:
+        work: Called in the thread with each item that is taken. It handles its own errors.
+        name: The thread's name.
+    """
+
+    def __init__(self, work: Callable[[ItemT], None], name: str) -> None:
+        self._work = work
+        self._mailbox: Mailbox[ItemT] = Mailbox()
+        # A daemon, since a network in the middle of an image must not keep a process from ending.
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """How many items were dropped for a newer one."""
+        return self._mailbox.dropped
+
+    def put(self, item: ItemT) -> None:
+        """Hands over an item, in place of one that still waits."""
+        self._mailbox.put(item)
+
+    def close(self, timeout_s: float | None = None) -> bool:
+        """Ends the thread after the item it works on; False when that took longer than `timeout_s`."""
+        self._mailbox.close()
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while (item := self._mailbox.take()) is not None:
+            self._work(item)

@@ -1,0 +1,88 @@
+"""What the node publishes, and with which quality of service."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.event_handler import PublisherEventCallbacks, QoSOfferedIncompatibleQoSInfo
+from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from radcam_depth_ros.node.factory import message_class
+from radcam_depth_ros.pipeline import DepthMessages
+
+OUTPUTS = {
+    "depth": ("depth/image_rect", "sensor_msgs/msg/Image"),
+    "depth_camera_info": ("depth/camera_info", "sensor_msgs/msg/CameraInfo"),
+    "semi_dense": ("semi_dense/image_rect", "sensor_msgs/msg/Image"),
+    "semi_dense_camera_info": ("semi_dense/camera_info", "sensor_msgs/msg/CameraInfo"),
+    "confidence": ("depth/confidence", "sensor_msgs/msg/Image"),
+    "preview": ("depth/preview", "sensor_msgs/msg/Image"),
+    "points": ("depth/points", "sensor_msgs/msg/PointCloud2"),
+}
+"""Topic and type of each field of `DepthMessages`."""
+OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+"""Policies that `qos_overrides.<topic>.publisher.*` parameters change."""
+
+
+class Outputs:
+    """The publishers, which publish while the node is active.
+
+    Args:
+        node: The node.
+        on_problem: Called with a sentence when a subscriber cannot hear.
+    """
+
+    def __init__(self, node: LifecycleNode, on_problem: Callable[[str], None]) -> None:
+        self._node = node
+        self._on_problem = on_problem
+        self._publishers: dict[str, LifecyclePublisher] = {}
+        try:
+            for name, (topic, type_name) in OUTPUTS.items():
+                self._publishers[name] = self._create(topic, type_name)
+        except Exception:
+            self.destroy()
+            raise
+
+    def is_wanted(self, name: str) -> bool:
+        """Whether anybody subscribes to an output, by its field's name in `DepthMessages`."""
+        return bool(self._publishers[name].get_subscription_count() > 0)
+
+    def publish(self, messages: DepthMessages) -> None:
+        """Publishes what a frame gave."""
+        for name, publisher in self._publishers.items():
+            message = getattr(messages, name)
+            if message is not None:
+                publisher.publish(message)
+
+    def subscribers(self) -> tuple[tuple[str, str], ...]:
+        """How many subscribe to each topic, as diagnostics values."""
+        return tuple(
+            (OUTPUTS[name][0], f"{publisher.get_subscription_count()} subscribers")
+            for name, publisher in self._publishers.items()
+        )
+
+    def destroy(self) -> None:
+        """Takes the publishers down."""
+        for publisher in self._publishers.values():
+            self._node.destroy_lifecycle_publisher(publisher)
+        self._publishers.clear()
+
+    def _create(self, topic: str, type_name: str) -> LifecyclePublisher:
+        def on_incompatible(event: QoSOfferedIncompatibleQoSInfo) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            self._on_problem(
+                f"a subscriber on {topic} asks for an incompatible quality of service and will hear nothing: its "
+                f"{policy} is more than this node offers; change the subscriber, or set the parameter "
+                f"qos_overrides.{self._node.resolve_topic_name(topic)}.publisher.{policy.lower()}"
+            )
+
+        return self._node.create_lifecycle_publisher(
+            message_class(type_name),
+            topic,
+            # A reliable writer serves both kinds of readers.
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE),
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=on_incompatible),
+            qos_overriding_options=QoSOverridingOptions(OVERRIDABLE),
+        )

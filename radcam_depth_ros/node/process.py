@@ -1,0 +1,83 @@
+"""The node as a process: start, signals, a prompt and clean end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+GRACE_S = 1.5
+"""After a signal the process ends within this time, whatever the network is busy with."""
+
+
+class _Life(threading.Thread):
+    """Everything of ROS, in a thread of its own, so that the main thread answers signals while a network loads."""
+
+    def __init__(self, args: list[str] | None, stop: threading.Event) -> None:
+        super().__init__(name="ros", daemon=True)
+        self._args = args
+        self._stop_asked = stop
+        self.error: BaseException | None = None
+        self.is_clean = False
+
+    def run(self) -> None:
+        try:
+            # Signals are the main thread's: rclpy's own handlers would end the context under the worker's feet.
+            rclpy.init(args=self._args, signal_handler_options=SignalHandlerOptions.NO)
+            try:
+                self._spin()
+            finally:
+                rclpy.try_shutdown()
+        except BaseException as error:  # told by the main thread
+            self.error = error
+        finally:
+            self._stop_asked.set()
+
+    def _spin(self) -> None:
+        # Here, since it takes seconds to import torch, in which signals are to be answered.
+        from radcam_depth_ros.node.depth_node import RadcamDepthNode
+
+        node = RadcamDepthNode()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        try:
+            while not self._stop_asked.is_set():
+                executor.spin_once(timeout_sec=0.2)
+        finally:
+            self.is_clean = node.close(timeout_s=GRACE_S / 2)
+            executor.remove_node(node)
+            node.destroy_node()
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs the node until SIGINT or SIGTERM.
+
+    Args:
+        args: The command line; the process's own by default.
+
+    Returns:
+        The exit code: 0, or 2 when the node could not start.
+    """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    life = _Life(args, stop)
+    life.start()
+    stop.wait()
+    life.join(GRACE_S)
+    if life.error is not None:
+        reason = " ".join(str(life.error).split())
+        print(f"radcam_depth_node: {reason or type(life.error).__name__}", file=sys.stderr)
+    exit_code = 0 if life.error is None else 2
+    if life.is_alive() or not life.is_clean:
+        # A network that is loading or in the middle of an image can't be interrupted, and taking Python down around it
+        # can crash.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(exit_code)
+    return exit_code

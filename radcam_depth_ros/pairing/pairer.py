@@ -1,0 +1,183 @@
+"""Each image with the nearest sweep of each radar, as soon as it is certain which that is."""
+
+from __future__ import annotations
+
+import bisect
+from collections import Counter, deque
+from dataclasses import dataclass
+from typing import Generic
+
+from radcam_depth_ros.pairing.sweeps import Sweeps
+from radcam_depth_ros.pairing.timeline import Timeline
+from radcam_depth_ros.pairing.values import (
+    ImageT,
+    Pair,
+    PairingConfig,
+    PairingCounts,
+    PairingError,
+    RadarCounts,
+    SweepT,
+)
+
+_SECOND = 1_000_000_000
+_MIN_JUMP_NS = _SECOND // 10
+_IMAGES_KEPT = 64
+"""So many images wait at most; so many are remembered to recognise duplicates and sweeps that come late."""
+
+DEFAULTS = PairingConfig()
+
+
+@dataclass(frozen=True)
+class _Waiting(Generic[ImageT]):
+    time_ns: int
+    stamp_ns: int
+    image: ImageT
+    deadline_ns: int
+
+
+@dataclass(frozen=True)
+class _Released:
+    time_ns: int
+    chosen_ns: tuple[int | None, ...]
+
+
+class Pairer(Generic[ImageT, SweepT]):
+    """Pairs the images of one camera with the sweeps of its radars.
+
+    An image waits `max_wait` at most, counted from its arrival. It gets, of each radar, the sweep that is nearest in
+    time among all that come until then, in whatever order; so it gets the true nearest one whenever that comes in time.
+    Most images wait less: a pair is released once no sweep still to come can be nearer (`Sweeps` says when).
+
+    Pairs come in the order of their stamps. Two exceptions: an image that comes when a later one is released already,
+    and one whose wait ends while an earlier one, which came after it, still waits.
+
+    Where stamps jump backwards (a looped bag, a reset clock) no pair reaches across the jump (`Timeline` says how);
+    images from before it wait for their own sweeps as always.
+
+    All `now_ns` are arrival times on one clock that never runs backwards, in nanoseconds; it need not be the clock of
+    the stamps. Memory is bounded.
+
+    Args:
+        radars: A name for each radar; without any, images go straight through.
+        config: The limits.
+
+    Raises:
+        PairingError: for a radar that is named twice.
+    """
+
+    def __init__(self, radars: tuple[str, ...], config: PairingConfig = DEFAULTS) -> None:
+        if len(set(radars)) != len(radars):
+            raise PairingError(f"each radar may be named once, got {', '.join(radars)}; remove the second one")
+        self._radars = radars
+        self._max_wait_ns = round(config.max_wait_s * _SECOND)
+        self._radar_offset_ns = round(config.radar_time_offset_s * _SECOND)
+        max_offset_ns = round(config.max_time_offset_s * _SECOND)
+        self._sweeps: tuple[Sweeps[SweepT], ...] = tuple(Sweeps(max_offset_ns, self._max_wait_ns) for _ in radars)
+        # What comes within the wait is at most that much behind; the rest is room for streams that keep it less well.
+        self._timeline = Timeline(1 + len(radars), max(self._max_wait_ns + max_offset_ns, _MIN_JUMP_NS))
+        self._waiting: list[_Waiting[ImageT]] = []  # by time
+        self._released: deque[_Released] = deque(maxlen=_IMAGES_KEPT)
+        self._now_ns: int | None = None
+        self._images: Counter[str] = Counter()
+        self._of_radar: tuple[Counter[str], ...] = tuple(Counter() for _ in radars)
+
+    @property
+    def counts(self) -> PairingCounts:
+        """What became of everything so far."""
+        released = self._images["released"]
+        return PairingCounts(
+            images=released + len(self._waiting),
+            waiting=len(self._waiting),
+            paired=self._images["paired"],
+            unmatched=released - self._images["paired"],
+            overtaken=self._images["overtaken"],
+            duplicates=self._images["duplicates"],
+            resets=self._timeline.resets,
+            radars=tuple(
+                RadarCounts(name, count["paired"], released - count["paired"], count["late"], count["duplicates"])
+                for name, count in zip(self._radars, self._of_radar, strict=True)
+            ),
+        )
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """When `expire` will release an image, on the clock of `now_ns`; None while none waits."""
+        return min((waiting.deadline_ns for waiting in self._waiting), default=None)
+
+    def add_image(self, stamp_ns: int, image: ImageT, now_ns: int) -> tuple[Pair[ImageT, SweepT], ...]:
+        """Takes an image; returns the pairs that are ready."""
+        now_ns = self._advance(now_ns)
+        ready = self._release(expired_before_ns=now_ns)
+        time_ns = self._timeline.unwrap(0, stamp_ns, now_ns)
+        if any(time_ns == known.time_ns for known in (*self._waiting, *self._released)):
+            self._images["duplicates"] += 1
+            return ready
+        waiting = _Waiting(time_ns, stamp_ns, image, now_ns + self._max_wait_ns)
+        bisect.insort(self._waiting, waiting, key=lambda item: item.time_ns)
+        if len(self._waiting) > _IMAGES_KEPT:
+            ready += (self._pair(self._waiting.pop(0)),)
+        return ready + self._release(expired_before_ns=now_ns if self._max_wait_ns else now_ns + 1)
+
+    def add_sweep(self, radar: str, stamp_ns: int, sweep: SweepT, now_ns: int) -> tuple[Pair[ImageT, SweepT], ...]:
+        """Takes a sweep of a radar; returns the pairs that are ready.
+
+        Raises:
+            PairingError: for a radar that the pairer was not made with.
+        """
+        if radar not in self._radars:
+            raise PairingError(f"there is no radar {radar!r} to pair, only {', '.join(self._radars) or 'none'}")
+        index = self._radars.index(radar)
+        sweeps, count = self._sweeps[index], self._of_radar[index]
+        now_ns = self._advance(now_ns)
+        ready = self._release(expired_before_ns=now_ns)
+        time_ns = self._timeline.unwrap(1 + index, stamp_ns + self._radar_offset_ns, now_ns)
+        if not sweeps.add(time_ns, sweep, now_ns):
+            count["duplicates"] += 1
+        elif any(sweeps.is_nearer(time_ns, item.time_ns, item.chosen_ns[index]) for item in self._released):
+            count["late"] += 1
+        return ready + self._release(expired_before_ns=now_ns)
+
+    def expire(self, now_ns: int) -> tuple[Pair[ImageT, SweepT], ...]:
+        """Returns the images whose wait is over by now, with what they have."""
+        return self._release(expired_before_ns=self._advance(now_ns) + 1)
+
+    def flush(self) -> tuple[Pair[ImageT, SweepT], ...]:
+        """Returns all images that still wait, with what they have: nothing more will come."""
+        waiting, self._waiting = self._waiting, []
+        return tuple(self._pair(item) for item in waiting)
+
+    def _advance(self, now_ns: int) -> int:
+        self._now_ns = now_ns if self._now_ns is None else max(now_ns, self._now_ns)
+        for sweeps in self._sweeps:
+            sweeps.advance(self._now_ns)
+        return self._now_ns
+
+    def _release(self, expired_before_ns: int) -> tuple[Pair[ImageT, SweepT], ...]:
+        # "Before", since what comes at the very deadline still counts.
+        ready: list[Pair[ImageT, SweepT]] = []
+        kept: list[_Waiting[ImageT]] = []
+        for waiting in self._waiting:
+            is_final = not kept and all(sweeps.is_final(waiting.time_ns) for sweeps in self._sweeps)
+            if is_final or waiting.deadline_ns < expired_before_ns:
+                ready.append(self._pair(waiting))
+            else:
+                kept.append(waiting)
+        self._waiting = kept
+        return tuple(ready)
+
+    def _pair(self, waiting: _Waiting[ImageT]) -> Pair[ImageT, SweepT]:
+        found = [sweeps.nearest(waiting.time_ns) for sweeps in self._sweeps]
+        for item, count in zip(found, self._of_radar, strict=True):
+            count["paired"] += item is not None
+        self._images["released"] += 1
+        self._images["paired"] += any(item is not None for item in found)
+        self._images["overtaken"] += any(
+            0 < item.time_ns - waiting.time_ns <= self._timeline.jump_ns for item in self._released
+        )
+        self._released.append(_Released(waiting.time_ns, tuple(None if item is None else item[0] for item in found)))
+        return Pair(
+            waiting.stamp_ns,
+            waiting.image,
+            tuple(None if item is None else item[1] for item in found),
+            tuple(None if item is None else (item[0] - waiting.time_ns) / _SECOND for item in found),
+        )

@@ -1,0 +1,38 @@
+"""All that the node can be told, as one dataclass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from radcam_depth_ros.estimator import EstimatorConfig
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.pipeline import PipelineConfig
+
+IMAGE_TRANSPORTS = ("raw", "compressed")
+
+
+class ParameterError(RadcamDepthError):
+    """A parameter with a value that cannot be used."""
+
+
+@dataclass(frozen=True)
+class NodeConfig:
+    """All that the node can be told.
+
+    Attributes:
+        autostart: Configure and activate without being asked.
+        image_transport: `raw` takes sensor_msgs/Image, `compressed` takes sensor_msgs/CompressedImage.
+        pipeline: What is read and how it is written.
+        estimator: How depth is estimated.
+    """
+
+    autostart: bool = True
+    image_transport: str = "raw"
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
+
+    def __post_init__(self) -> None:
+        if self.image_transport not in IMAGE_TRANSPORTS:
+            raise ParameterError(
+                f"image_transport must be one of {', '.join(IMAGE_TRANSPORTS)}, got {self.image_transport!r}"
+            )

@@ -1,0 +1,104 @@
+"""Declaring the node's parameters, checking what they are set to, and reading them.
+
+What a parameter file gives is checked here rather than by rclpy, which would end the node at an unknown value or at an
+integer for a float: a node that stays up can say what is wrong in its diagnostics.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterUninitializedException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from radcam_depth_ros import configuration
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
+from radcam_depth_ros.parameters.spec import ParameterSpec
+from radcam_depth_ros.parameters.table import PARAMETERS
+
+_BY_NAME = {spec.name: spec for spec in PARAMETERS}
+
+
+class Parameters:
+    """Declares the node's parameters and reads them as one `NodeConfig`.
+
+    Args:
+        node: Whose parameters these are.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._refused: dict[str, str] = {}
+        """What the parameter file gave that cannot be used, until it is set to something else."""
+        self.frozen_because = ""
+        """Why parameters can't be set now; empty when they can."""
+        for spec in PARAMETERS:
+            self._declare(spec)
+        node.add_on_set_parameters_callback(self._judge)
+        node.add_post_set_parameters_callback(self._note)
+
+    def read(self) -> NodeConfig:
+        """All parameters as they are now.
+
+        Raises:
+            RadcamDepthError: when a value, or values together, cannot be used.
+        """
+        if self._refused:
+            raise ParameterError(next(iter(self._refused.values())))
+        return self._build({})
+
+    def _declare(self, spec: ParameterSpec) -> None:
+        # Declared twice: first without a type, to see what the parameter file gives whatever its type.
+        given = self._node.declare_parameter(spec.name, None, ParameterDescriptor(dynamic_typing=True)).value
+        self._node.undeclare_parameter(spec.name)
+        value = spec.default
+        if given is not None:
+            try:
+                value = spec.convert(given)
+            except ParameterError as error:
+                self._refused[spec.name] = str(error)
+        if isinstance(value, tuple) and not value:
+            # rclpy takes an empty list for one of bytes; declared by its type, it has no value.
+            self._node.declare_parameter(spec.name, spec.type, spec.descriptor(), ignore_override=True)
+        else:
+            value = list(value) if isinstance(value, tuple) else value
+            self._node.declare_parameter(spec.name, value, spec.descriptor(), ignore_override=True)
+
+    def _build(self, changes: dict[str, Any]) -> NodeConfig:
+        """The config with some parameters changed."""
+        mapping: dict[str, Any] = {}
+        for spec in PARAMETERS:
+            *owners, name = spec.path.split(".")
+            owner = mapping
+            for step in owners:
+                owner = owner.setdefault(step, {})
+            owner[name] = spec.convert(changes[spec.name]) if spec.name in changes else self._value(spec)
+        return configuration.build(NodeConfig, mapping, "the parameters")
+
+    def _value(self, spec: ParameterSpec) -> Any:
+        try:
+            return spec.convert(self._node.get_parameter(spec.name).value)
+        except ParameterUninitializedException:
+            return spec.default
+
+    def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Whether parameters may be set to new values, all together."""
+        changes = {parameter.name: parameter.value for parameter in parameters if parameter.name in _BY_NAME}
+        if changes and self.frozen_because:
+            return SetParametersResult(successful=False, reason=self.frozen_because)
+        try:
+            if not self._refused.keys() - changes.keys():
+                self._build(changes)
+            else:
+                for name, value in changes.items():
+                    _BY_NAME[name].convert(value)
+        except RadcamDepthError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _note(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            self._refused.pop(parameter.name, None)

@@ -1,0 +1,137 @@
+"""A parameter: which field it sets, what it means, and which values it takes."""
+
+from __future__ import annotations
+
+import functools
+import typing
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.parameter import Parameter
+
+from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter.
+
+    Attributes:
+        name: Its name in ROS.
+        path: The field of `NodeConfig` that it sets, dotted.
+        description: What it means, for `ros2 param describe`.
+        minimum: Smallest number.
+        maximum: Largest number.
+        choices: All values that are allowed, for enumerated parameters.
+        read_only: Only the parameter file can set it.
+    """
+
+    name: str
+    path: str
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+    @property
+    def default(self) -> Any:
+        """The field's default."""
+        return functools.reduce(getattr, self.path.split("."), NodeConfig())
+
+    @property
+    def type(self) -> Parameter.Type:
+        """The ROS type, of the field's type."""
+        *owners, name = self.path.split(".")
+        owner: Any = NodeConfig
+        for step in owners:
+            owner = typing.get_type_hints(owner)[step]
+        return _TYPES[typing.get_type_hints(owner)[name]]
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Its description, range and choices for ROS tools."""
+        descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        if self.choices:
+            descriptor.additional_constraints = f"one of {', '.join(self.choices)}"
+        if self.minimum is None or self.maximum is None:
+            return descriptor
+        if self.type is Parameter.Type.INTEGER:
+            descriptor.integer_range = [IntegerRange(from_value=int(self.minimum), to_value=int(self.maximum))]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(self.minimum), to_value=float(self.maximum))
+            ]
+        return descriptor
+
+    def convert(self, value: Any) -> Any:
+        """The value as the field wants it: whole numbers are fine for floats.
+
+        Raises:
+            ParameterError: for a value of another type, out of range, or not among the choices.
+        """
+        converted = _CONVERSIONS[self.type](value)
+        if converted is None:
+            raise ParameterError(f"the parameter {self.name} must be {_WORDS[self.type]}, got {value!r}")
+        if self.choices and converted not in self.choices:
+            raise ParameterError(f"the parameter {self.name} must be one of {', '.join(self.choices)}, got {value!r}")
+        if self.minimum is not None and self.maximum is not None and not self.minimum <= converted <= self.maximum:
+            raise ParameterError(
+                f"the parameter {self.name} must be within {self.minimum:g} and {self.maximum:g}, got {value!r}"
+            )
+        return converted
+
+
+def _integer(value: Any) -> int | None:
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _text(value: Any) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _flag(value: Any) -> bool | None:
+    return value if isinstance(value, bool) else None
+
+
+def _numbers(values: Any) -> tuple[float, ...] | None:
+    numbers = tuple(_number(value) for value in values) if isinstance(values, Iterable) else (None,)
+    return None if None in numbers else typing.cast("tuple[float, ...]", numbers)
+
+
+def _texts(values: Any) -> tuple[str, ...] | None:
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        return None
+    texts = tuple(_text(value) for value in values)
+    return None if None in texts else typing.cast("tuple[str, ...]", texts)
+
+
+_TYPES: dict[Any, Parameter.Type] = {
+    bool: Parameter.Type.BOOL,
+    int: Parameter.Type.INTEGER,
+    float: Parameter.Type.DOUBLE,
+    str: Parameter.Type.STRING,
+    tuple[float, ...]: Parameter.Type.DOUBLE_ARRAY,
+    tuple[str, ...]: Parameter.Type.STRING_ARRAY,
+}
+_CONVERSIONS = {
+    Parameter.Type.BOOL: _flag,
+    Parameter.Type.INTEGER: _integer,
+    Parameter.Type.DOUBLE: _number,
+    Parameter.Type.STRING: _text,
+    Parameter.Type.DOUBLE_ARRAY: _numbers,
+    Parameter.Type.STRING_ARRAY: _texts,
+}
+_WORDS = {
+    Parameter.Type.BOOL: "true or false",
+    Parameter.Type.INTEGER: "a whole number",
+    Parameter.Type.DOUBLE: "a number",
+    Parameter.Type.STRING: "a text",
+    Parameter.Type.DOUBLE_ARRAY: "a list of numbers",
+    Parameter.Type.STRING_ARRAY: "a list of texts",
+}

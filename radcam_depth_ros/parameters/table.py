@@ -1,0 +1,112 @@
+"""The node's parameters."""
+
+from __future__ import annotations
+
+from radcam_depth_ros.estimator import OUTPUT_SIZES
+from radcam_depth_ros.messages import DEPTH_ENCODINGS
+from radcam_depth_ros.parameters.config import IMAGE_TRANSPORTS
+from radcam_depth_ros.parameters.spec import ParameterSpec
+
+PARAMETERS: tuple[ParameterSpec, ...] = (
+    ParameterSpec(
+        "autostart",
+        "autostart",
+        "Configure and activate at start; false leaves it to a lifecycle manager.",
+        read_only=True,
+    ),
+    ParameterSpec("image_topic", "pipeline.image", "Topic of the camera's images."),
+    ParameterSpec(
+        "image_transport",
+        "image_transport",
+        "raw takes sensor_msgs/Image; compressed takes sensor_msgs/CompressedImage on <image_topic>/compressed.",
+        choices=IMAGE_TRANSPORTS,
+    ),
+    ParameterSpec("camera_info_topic", "pipeline.camera_info", "Topic of the camera's calibration."),
+    ParameterSpec("radar_topics", "pipeline.radars", "Topics of the radars' point clouds."),
+    ParameterSpec(
+        "image_is_rectified",
+        "pipeline.image_is_rectified",
+        "The images are free of distortion already, as image_rect topics are.",
+    ),
+    ParameterSpec("camera_frame", "pipeline.camera_frame", "Frame of images whose frame_id is empty."),
+    ParameterSpec("radar_frame", "pipeline.radar_frame", "Frame of radar clouds whose frame_id is empty."),
+    ParameterSpec(
+        "camera_from_radar",
+        "pipeline.camera_from_radar",
+        "Extrinsics in place of /tf_static: x y z (m) qx qy qz qw of each radar in the camera's optical frame, 7 "
+        "numbers for each of radar_topics; empty reads /tf_static.",
+    ),
+    ParameterSpec(
+        "footprint_frame",
+        "pipeline.footprint_frame",
+        "Frame on the road under the vehicle, of which /tf_static gives the camera's height and attitude.",
+    ),
+    ParameterSpec(
+        "camera_height_m",
+        "pipeline.camera_height_m",
+        "Height of the camera above the road (m), in place of footprint_frame; 0 where unknown.",
+        0.0,
+        20.0,
+    ),
+    ParameterSpec(
+        "camera_pitch_deg",
+        "pipeline.camera_pitch_deg",
+        "With camera_height_m: how far the camera looks down (degrees).",
+        -90.0,
+        90.0,
+    ),
+    ParameterSpec(
+        "camera_roll_deg",
+        "pipeline.camera_roll_deg",
+        "With camera_height_m: how far the camera leans to its right (degrees).",
+        -180.0,
+        180.0,
+    ),
+    ParameterSpec(
+        "max_time_offset_s",
+        "pipeline.pairing.max_time_offset_s",
+        "An image takes a radar sweep no further away in time than this (s).",
+        0.0,
+        10.0,
+    ),
+    ParameterSpec(
+        "max_wait_s",
+        "pipeline.pairing.max_wait_s",
+        "An image waits for a later radar sweep no longer than this (s).",
+        0.0,
+        10.0,
+    ),
+    ParameterSpec(
+        "radar_time_offset_s",
+        "pipeline.pairing.radar_time_offset_s",
+        "Added to the radars' stamps (s), where their clock differs from the camera's.",
+        -10.0,
+        10.0,
+    ),
+    ParameterSpec(
+        "depth_encoding",
+        "pipeline.depth_encoding",
+        "Depth images: 32FC1 metres with NaN for no value, or 16UC1 millimetres with 0.",
+        choices=DEPTH_ENCODINGS,
+    ),
+    ParameterSpec(
+        "preview_near_m", "pipeline.preview_near_m", "Depth of the preview's warmest colour (m).", 0.01, 1000.0
+    ),
+    ParameterSpec(
+        "preview_far_m", "pipeline.preview_far_m", "Depth of the preview's coldest colour (m).", 0.01, 1000.0
+    ),
+    ParameterSpec("network", "estimator.network", "Network whose weights come with the package."),
+    ParameterSpec(
+        "model_file",
+        "estimator.model_file",
+        "Weight file in place of the network's own: .safetensors with its card, or an exported .pt.",
+    ),
+    ParameterSpec("device", "estimator.device", "Where the network runs: cpu, cuda, cuda:1 ..."),
+    ParameterSpec("threads", "estimator.threads", "CPU threads of the network; 0 leaves it to torch.", 0, 256),
+    ParameterSpec(
+        "output_size",
+        "estimator.output_size",
+        "native gives depth at the image's size, network at the size that the network works at.",
+        choices=OUTPUT_SIZES,
+    ),
+)

@@ -1,0 +1,148 @@
+"""The only road from messages to depth: `accept` decodes and pairs, `process` estimates and encodes.
+
+The live node and the replay of a bag both drive it, so that both give the same depth for the same stamp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from radcam_depth_ros.estimator import Estimator
+from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, ImageArray, RadcamDepthError
+from radcam_depth_ros.intake import Intake, IntakeConfig
+from radcam_depth_ros.messages import (
+    DEPTH_ENCODINGS,
+    MessageFactory,
+    encode_camera_info,
+    encode_cloud,
+    encode_confidence,
+    encode_depth,
+    encode_preview,
+)
+
+OUTPUT_TOPICS = {
+    "depth": "depth/image_rect",
+    "depth_camera_info": "depth/camera_info",
+    "semi_dense": "semi_dense/image_rect",
+    "semi_dense_camera_info": "semi_dense/camera_info",
+    "confidence": "depth/confidence",
+    "preview": "depth/preview",
+    "points": "depth/points",
+}
+"""Relative topic of each field of `DepthMessages`."""
+
+
+class PipelineError(RadcamDepthError):
+    """A setting of the pipeline that does not fit."""
+
+
+@dataclass(frozen=True)
+class PipelineConfig(IntakeConfig):
+    """What the pipeline reads, see `IntakeConfig`, and how it writes.
+
+    Attributes:
+        depth_encoding: `32FC1` metres with NaN for "no value", or `16UC1` millimetres with 0.
+        preview_near_m: Depth of the preview's warmest colour, metres.
+        preview_far_m: Depth of the preview's coldest colour, metres.
+    """
+
+    depth_encoding: str = "32FC1"
+    preview_near_m: float = 2.0
+    preview_far_m: float = 80.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.depth_encoding not in DEPTH_ENCODINGS:
+            raise PipelineError(
+                f"depth_encoding must be one of {', '.join(DEPTH_ENCODINGS)}, got {self.depth_encoding!r}"
+            )
+        if not 0 < self.preview_near_m < self.preview_far_m:
+            raise PipelineError(
+                f"the preview needs 0 < preview_near_m < preview_far_m, got {self.preview_near_m} and "
+                f"{self.preview_far_m}"
+            )
+
+
+@dataclass(frozen=True)
+class DepthMessages:
+    """What one frame gives.
+
+    Attributes:
+        result: The depth, as arrays.
+        depth: sensor_msgs/Image, dense.
+        depth_camera_info: sensor_msgs/CameraInfo of the depth images.
+        semi_dense: sensor_msgs/Image, stage 1.
+        semi_dense_camera_info: The same, for the sibling topic.
+        confidence: sensor_msgs/Image, 32FC1, 0 to 1.
+        preview: sensor_msgs/Image, rgb8; None when it was not asked for.
+        points: sensor_msgs/PointCloud2; None when it was not asked for.
+    """
+
+    result: DepthResult
+    depth: Any
+    depth_camera_info: Any
+    semi_dense: Any
+    semi_dense_camera_info: Any
+    confidence: Any
+    preview: Any = None
+    points: Any = None
+
+
+class Pipeline(Intake):
+    """Messages in, depth messages out.
+
+    Not for several threads at once, with one exception: `process` may run in one thread while another calls the rest.
+
+    Args:
+        config: What to read and how to write.
+        estimator: The loaded network.
+        factory: Builds the outgoing messages.
+    """
+
+    def __init__(self, config: PipelineConfig, estimator: Estimator, factory: MessageFactory) -> None:
+        super().__init__(config)
+        self._output = config
+        self._estimator = estimator
+        self._factory = factory
+
+    def process(self, frame: Frame, *, preview: bool = False, points: bool = False) -> DepthMessages:
+        """Estimates a frame's depth and writes it as messages.
+
+        Args:
+            frame: From `accept`, `expire` or `flush`.
+            preview: Whether to draw the depth in colours.
+            points: Whether to make a point cloud.
+
+        Raises:
+            RadcamDepthError: when the network cannot be given this frame.
+        """
+        result = self._estimator.estimate(frame)
+        factory, config, stamp = self._factory, self._output, (frame.stamp_ns, frame.frame_id)
+        camera_info = encode_camera_info(factory, result.camera, *stamp)
+        return DepthMessages(
+            result=result,
+            depth=encode_depth(factory, result.dense, *stamp, encoding=config.depth_encoding),
+            depth_camera_info=camera_info,
+            semi_dense=encode_depth(factory, result.semi_dense, *stamp, encoding=config.depth_encoding),
+            semi_dense_camera_info=camera_info,
+            confidence=encode_confidence(factory, result.confidence, *stamp),
+            preview=encode_preview(factory, result.dense, config.preview_near_m, config.preview_far_m, *stamp)
+            if preview
+            else None,
+            points=encode_cloud(factory, result.dense, _image_at(frame, result.camera), result.camera, *stamp)
+            if points
+            else None,
+        )
+
+
+def _image_at(frame: Frame, camera: CameraModel) -> ImageArray:
+    """The frame's image at the size of the depth, for colours only: nearest pixels."""
+    if (camera.height, camera.width) == frame.image.shape[:2]:
+        return frame.image
+    rows = np.arange(camera.height) * frame.image.shape[0] // camera.height
+    columns = np.arange(camera.width) * frame.image.shape[1] // camera.width
+    image: ImageArray = frame.image[rows[:, None], columns[None, :]]
+    return image

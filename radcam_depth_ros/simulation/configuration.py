@@ -1,0 +1,295 @@
+"""What can be set of a simulated drive; the defaults are those of config/simulation.yaml."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from radcam_depth_ros.frame import RadcamDepthError
+
+
+class SimulationError(RadcamDepthError):
+    """A simulation that cannot be run as configured."""
+
+
+class StreetKind(str, Enum):
+    """What is on both sides of the road; ANY draws one for each seed."""
+
+    ANY = "any"
+    TOWN = "town"
+    RESIDENTIAL = "residential"
+    ARTERIAL = "arterial"
+    RURAL = "rural"
+    HIGHWAY = "highway"
+
+
+class Weather(str, Enum):
+    """The light; ANY draws one for each seed."""
+
+    ANY = "any"
+    SUNNY = "sunny"
+    CLOUDY = "cloudy"
+    OVERCAST = "overcast"
+
+
+class Season(str, Enum):
+    """What grows and lies on the ground; ANY draws one for each seed."""
+
+    ANY = "any"
+    SUMMER = "summer"
+    AUTUMN = "autumn"
+    WINTER = "winter"
+    SNOW = "snow"
+
+
+def _require(ok: bool, message: str) -> None:
+    if not ok:
+        raise SimulationError(message)
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """The street and who is on it.
+
+    Attributes:
+        street: Kind of street.
+        weather: Kind of light.
+        season: Season.
+        traffic: Moving vehicles, as a multiple of what the kind of street has; 0 for none.
+        parked: Parked vehicles, likewise.
+        people: People on foot and on bicycles, likewise.
+        speed: Speed of the ego vehicle and of traffic, as a multiple of what the kind of street has; 0 stands still.
+        view_m: How far ahead the street is built, metres.
+    """
+
+    street: StreetKind = StreetKind.ANY
+    weather: Weather = Weather.ANY
+    season: Season = Season.ANY
+    traffic: float = 1.0
+    parked: float = 1.0
+    people: float = 1.0
+    speed: float = 1.0
+    view_m: float = 400.0
+
+    def __post_init__(self) -> None:
+        for name in ("traffic", "parked", "people", "speed"):
+            value = getattr(self, name)
+            _require(0 <= value <= 4, f"world.{name} is a multiple between 0 and 4, got {value}")
+        _require(100 <= self.view_m <= 1500, f"world.view_m must be 100 to 1500 m, got {self.view_m}")
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """The camera and how its images are made.
+
+    Attributes:
+        rate_hz: Images a second.
+        width: Pixels.
+        height: Pixels.
+        min_focal_length_px: Each seed draws a focal length between this
+        max_focal_length_px: and this, pixels.
+        min_height_m: Each seed mounts the camera between this
+        max_height_m: and this above the road, metres.
+        max_pitch_deg: Each seed tilts it by up to this, degrees; rolls by a third of it.
+        edge_samples: More rays for each pixel at an edge, against stairs; 0 for none.
+        jpeg: Write CompressedImage; otherwise Image, rgb8.
+        min_jpeg_quality: Each seed draws a quality between this
+        max_jpeg_quality: and this.
+        depth: Write the exact depth image.
+        classes: Write the class image.
+    """
+
+    rate_hz: float = 10.0
+    width: int = 800
+    height: int = 448
+    min_focal_length_px: float = 630.0
+    max_focal_length_px: float = 630.0
+    min_height_m: float = 1.2
+    max_height_m: float = 2.0
+    max_pitch_deg: float = 3.0
+    edge_samples: int = 2
+    jpeg: bool = True
+    min_jpeg_quality: int = 75
+    max_jpeg_quality: int = 96
+    depth: bool = True
+    classes: bool = True
+
+    def __post_init__(self) -> None:
+        _require(self.rate_hz > 0, f"camera.rate_hz must be positive, got {self.rate_hz}")
+        _require(
+            16 <= self.width <= 4096 and 16 <= self.height <= 4096,
+            f"the image must be 16 to 4096 pixels wide and high, got {self.width} x {self.height}",
+        )
+        for low, high, least, most in (
+            ("min_focal_length_px", "max_focal_length_px", 10, 10000),
+            ("min_height_m", "max_height_m", 0.3, 4),
+            ("min_jpeg_quality", "max_jpeg_quality", 1, 100),
+        ):
+            first, second = getattr(self, low), getattr(self, high)
+            _require(
+                least <= first <= second <= most,
+                f"camera.{low} and camera.{high} must be {least} to {most} and in order, got {first} and {second}",
+            )
+        _require(0 <= self.max_pitch_deg <= 20, f"camera.max_pitch_deg must be 0 to 20, got {self.max_pitch_deg}")
+        _require(0 <= self.edge_samples <= 16, f"camera.edge_samples must be 0 to 16, got {self.edge_samples}")
+
+
+@dataclass(frozen=True)
+class RadarConfig:
+    """An automotive radar like the ARS408: azimuth and range, no elevation.
+
+    Attributes:
+        enabled: Write `/radar/points`.
+        rate_hz: Sweeps a second.
+        max_points: The strongest returns are kept.
+        max_range_m: Metres.
+        field_of_view_deg: Width of the sector in degrees.
+        range_noise_m: Standard deviation, metres.
+        azimuth_noise_deg: Standard deviation straight ahead, degrees; grows to the sides.
+        speed_noise_mps: Standard deviation of the radial speed, m/s.
+        missed: Share of the returns that are lost at random.
+        clutter: Returns from nothing, on average a sweep.
+        ghosts: Share of strong returns that are seen a second time by way of a mirror.
+    """
+
+    enabled: bool = True
+    rate_hz: float = 13.0
+    max_points: int = 125
+    max_range_m: float = 200.0
+    field_of_view_deg: float = 120.0
+    range_noise_m: float = 0.3
+    azimuth_noise_deg: float = 0.5
+    speed_noise_mps: float = 0.1
+    missed: float = 0.15
+    clutter: float = 3.0
+    ghosts: float = 0.04
+
+    def __post_init__(self) -> None:
+        _check_radar("radar", self.rate_hz, self.max_points, self.max_range_m, self.missed, self.ghosts)
+
+
+@dataclass(frozen=True)
+class ImagingRadarConfig:
+    """A 4D radar: it measures elevation too, and many more points.
+
+    Attributes:
+        enabled: Write `/radar_4d/points`.
+        rate_hz: Sweeps a second.
+        max_points: The strongest returns are kept.
+        max_range_m: Metres.
+        field_of_view_deg: Width of the sector in degrees.
+        range_noise_m: Standard deviation, metres.
+        azimuth_noise_deg: Standard deviation, degrees.
+        elevation_noise_deg: Standard deviation, degrees.
+        speed_noise_mps: Standard deviation of the radial speed, m/s.
+        missed: Share of the returns that are lost at random.
+        clutter: Returns from nothing, on average a sweep.
+        ghosts: Share of strong returns that are seen a second time by way of a mirror.
+    """
+
+    enabled: bool = True
+    rate_hz: float = 15.0
+    max_points: int = 2000
+    max_range_m: float = 150.0
+    field_of_view_deg: float = 110.0
+    range_noise_m: float = 0.12
+    azimuth_noise_deg: float = 0.3
+    elevation_noise_deg: float = 0.6
+    speed_noise_mps: float = 0.06
+    missed: float = 0.1
+    clutter: float = 15.0
+    ghosts: float = 0.03
+
+    def __post_init__(self) -> None:
+        _check_radar("imaging_radar", self.rate_hz, self.max_points, self.max_range_m, self.missed, self.ghosts)
+
+
+def _check_radar(
+    name: str, rate_hz: float, max_points: int, max_range_m: float, missed: float, ghosts: float
+) -> None:
+    _require(rate_hz > 0, f"{name}.rate_hz must be positive, got {rate_hz}")
+    _require(1 <= max_points <= 20000, f"{name}.max_points must be 1 to 20000, got {max_points}")
+    _require(10 <= max_range_m <= 500, f"{name}.max_range_m must be 10 to 500, got {max_range_m}")
+    _require(
+        0 <= missed <= 1 and 0 <= ghosts <= 1, f"{name}.missed and {name}.ghosts are shares, got {missed} and {ghosts}"
+    )
+
+
+@dataclass(frozen=True)
+class LidarConfig:
+    """A spinning LiDAR with 32 beams.
+
+    Attributes:
+        enabled: Write `/lidar/points`.
+        rate_hz: Turns a second; each turn is taken at one time.
+        beams: Number of beams.
+        columns: Directions in a turn.
+        max_range_m: Metres.
+        range_noise_m: Standard deviation, metres.
+        missed: Share of the returns that are lost at random.
+    """
+
+    enabled: bool = True
+    rate_hz: float = 10.0
+    beams: int = 32
+    columns: int = 1000
+    max_range_m: float = 100.0
+    range_noise_m: float = 0.02
+    missed: float = 0.03
+
+    def __post_init__(self) -> None:
+        _require(self.rate_hz > 0, f"lidar.rate_hz must be positive, got {self.rate_hz}")
+        _require(
+            1 <= self.beams <= 256 and 16 <= self.columns <= 8192,
+            f"lidar.beams must be 1 to 256 and lidar.columns 16 to 8192, got {self.beams} and {self.columns}",
+        )
+        _require(0 <= self.missed <= 1, f"lidar.missed is a share, got {self.missed}")
+
+
+@dataclass(frozen=True)
+class OdometryConfig:
+    """Wheel odometry.
+
+    Attributes:
+        enabled: Write `/odom` and `/tf`.
+        rate_hz: Messages a second.
+        speed_noise_mps: Standard deviation of the speed, m/s.
+    """
+
+    enabled: bool = True
+    rate_hz: float = 50.0
+    speed_noise_mps: float = 0.02
+
+    def __post_init__(self) -> None:
+        _require(self.rate_hz > 0, f"odometry.rate_hz must be positive, got {self.rate_hz}")
+
+
+@dataclass(frozen=True)
+class SimulationConfig:
+    """A simulated drive.
+
+    Attributes:
+        world: The street and who is on it.
+        camera: The camera.
+        radar: The radar without elevation.
+        imaging_radar: The 4D radar.
+        lidar: The LiDAR.
+        odometry: The odometry.
+        key_frames: Write of each sensor only the sweeps nearest before and after each image, so that images seconds
+            apart cost no sweeps that nobody pairs.
+        start_s: Time of the first image, seconds since 1970.
+    """
+
+    world: WorldConfig = field(default_factory=WorldConfig)
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    radar: RadarConfig = field(default_factory=RadarConfig)
+    imaging_radar: ImagingRadarConfig = field(default_factory=ImagingRadarConfig)
+    lidar: LidarConfig = field(default_factory=LidarConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    key_frames: bool = False
+    start_s: float = 1700000000.0
+
+    def __post_init__(self) -> None:
+        _require(1 <= self.start_s < 4e9, f"start_s must be 1 to 4e9 seconds since 1970, got {self.start_s}")
+        fastest = max(self.radar.rate_hz, self.imaging_radar.rate_hz, self.lidar.rate_hz, self.odometry.rate_hz)
+        _require(fastest <= 1000, f"no sensor may be faster than 1000 Hz, got {fastest}")

@@ -1,0 +1,94 @@
+"""The prototypes of a world: vehicles, people and plants that are built once and placed many times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radcam_depth_ros.simulation.mesh import Mesh
+from radcam_depth_ros.simulation.people import Walker, build_walker
+from radcam_depth_ros.simulation.plants import Plant, PlantKind, build_plant
+from radcam_depth_ros.simulation.style import StreetStyle
+from radcam_depth_ros.simulation.surfaces import Surface
+from radcam_depth_ros.simulation.vehicles import Vehicle, VehicleKind, build_bicycle, build_vehicle, paint
+
+_CARS = (VehicleKind.HATCHBACK, VehicleKind.SALOON, VehicleKind.ESTATE, VehicleKind.SUV)
+
+
+@dataclass(frozen=True)
+class Library:
+    """Prototypes.
+
+    Attributes:
+        cars: What also parks along the road.
+        large: Vans, trucks and buses.
+        cyclists: Bicycles with a rider.
+        bicycles: Bicycles that are parked.
+        walkers: People on foot.
+        plants: Several of each kind.
+    """
+
+    cars: tuple[Vehicle, ...]
+    large: tuple[Vehicle, ...]
+    cyclists: tuple[Mesh, ...]
+    bicycles: tuple[Mesh, ...]
+    walkers: tuple[Walker, ...]
+    plants: dict[PlantKind, tuple[Plant, ...]]
+
+    def draw_car(self, rng: np.random.Generator) -> Vehicle:
+        """A car of any colour."""
+        return repainted(self.cars[int(rng.integers(len(self.cars)))], rng)
+
+    def draw_vehicle(self, rng: np.random.Generator, large: float) -> Vehicle:
+        """A vehicle of any colour; `large` is the share of vans, trucks and buses."""
+        if rng.random() >= large:
+            return self.draw_car(rng)
+        return repainted(self.large[int(rng.integers(len(self.large)))], rng)
+
+    def draw_walker(self, rng: np.random.Generator) -> Walker:
+        """Somebody."""
+        return self.walkers[int(rng.integers(len(self.walkers)))]
+
+    def draw_plant(self, rng: np.random.Generator, kind: PlantKind) -> Plant:
+        """A plant of a kind."""
+        plants = self.plants[kind]
+        return plants[int(rng.integers(len(plants)))]
+
+    def draw_tree(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
+        """A tree as the season and the place have them."""
+        if rng.random() < style.conifers:
+            return self.draw_plant(rng, PlantKind.CONIFER)
+        return self.draw_plant(rng, PlantKind.BARE if rng.random() < style.bare else PlantKind.BROADLEAF)
+
+    def draw_bush(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
+        """A bush, likewise."""
+        return self.draw_plant(rng, PlantKind.BARE_BUSH if rng.random() < style.bare * 0.7 else PlantKind.BUSH)
+
+
+def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """The vehicle in another colour."""
+    return Vehicle(vehicle.mesh.recoloured(Surface.BODYWORK, paint(rng)), vehicle.length_m, vehicle.width_m)
+
+
+def build_library(rng: np.random.Generator, style: StreetStyle) -> Library:
+    """Builds the prototypes of a world."""
+    needles = tuple(0.55 * c for c in style.foliage) if style.season.value == "summer" else (0.025, 0.042, 0.022)
+    colours = {
+        PlantKind.BROADLEAF: style.foliage,
+        PlantKind.BARE: style.twig,
+        PlantKind.CONIFER: (needles[0], needles[1], needles[2]),
+        PlantKind.BUSH: style.foliage,
+        PlantKind.BARE_BUSH: style.twig,
+    }
+    return Library(
+        cars=tuple(build_vehicle(rng, _CARS[index % 4]) for index in range(8)),
+        large=tuple(
+            build_vehicle(rng, kind)
+            for kind in (VehicleKind.VAN, VehicleKind.VAN, VehicleKind.TRUCK, VehicleKind.ARTICULATED, VehicleKind.BUS)
+        ),
+        cyclists=tuple(build_bicycle(rng, with_rider=True) for _ in range(3)),
+        bicycles=tuple(build_bicycle(rng, with_rider=False) for _ in range(2)),
+        walkers=tuple(build_walker(rng) for _ in range(7)),
+        plants={kind: tuple(build_plant(rng, kind, colours[kind]) for _ in range(3)) for kind in PlantKind},
+    )

@@ -1,0 +1,198 @@
+"""Light on what rays meet: sun with shadows, sky with occlusion, mirror reflections, haze."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from radcam_depth_ros.frame import FloatArray
+from radcam_depth_ros.simulation.scene import Hits, Scene
+from radcam_depth_ros.simulation.style import Light
+from radcam_depth_ros.simulation.surfaces import Surface, surface_table
+from radcam_depth_ros.simulation.textures import TextureAtlas, fractal
+
+_NOISE = 512
+_GROUND = (Surface.ASPHALT, Surface.PAVING, Surface.GROUND, Surface.PAINT_MARK)
+
+
+@dataclass(frozen=True)
+class Hit:
+    """Where rays met something, as columns of the N rays that did.
+
+    Attributes:
+        face: (N,) int32, faces of the scene.
+        point: (N, 3) float32, world.
+        normal: (N, 3) float32, unit shading normal towards the viewer.
+        direction: (N, 3) float32, unit direction of the ray.
+        range_m: (N,) float32.
+        weight: (N, 3) float32, barycentric coordinates.
+    """
+
+    face: npt.NDArray[np.int32]
+    point: FloatArray
+    normal: FloatArray
+    direction: FloatArray
+    range_m: FloatArray
+    weight: FloatArray
+
+
+def locate(scene: Scene, hits: Hits, origin: npt.NDArray[np.floating], directions: FloatArray) -> Hit:
+    """Points and normals of rays that all met something; the rays start at one origin (3,)."""
+    length = np.sqrt(np.einsum("ni,ni->n", directions, directions))
+    unit = directions / length[:, None]
+    point = directions * hits.distance_m[:, None] + np.asarray(origin, np.float32)
+    weight = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
+    normal = np.einsum("nci,nc->ni", scene.faces.normals[hits.face], weight)
+    normal /= np.sqrt(np.einsum("ni,ni->n", normal, normal))[:, None] + np.float32(1e-9)
+    away = np.einsum("ni,ni->n", normal, unit) > 0
+    normal[away] *= -1
+    return Hit(hits.face, point, normal, unit, hits.distance_m * length, weight)
+
+
+class Shader:
+    """Turns hits into radiance, relative to a white surface under the open sky."""
+
+    def __init__(self, rng: np.random.Generator, atlas: TextureAtlas, light: Light, wetness: float) -> None:
+        self._atlas, self._light = atlas, light
+        table = surface_table()
+        self._gloss = table.gloss.copy()
+        self._gloss[[Surface.ASPHALT, Surface.PAINT_MARK]] = 0.75 * wetness
+        self._gloss[[Surface.PAVING, Surface.GROUND]] += 0.3 * wetness
+        self._dampening = np.ones(len(Surface), np.float32)
+        self._dampening[[Surface.ASPHALT, Surface.PAVING, Surface.GROUND]] = 1 - 0.5 * wetness
+        self._rough = np.isin(np.arange(len(Surface)), _GROUND)
+        self._noise = fractal(rng, _NOISE, 1.0)
+        self._clouds = fractal(rng, _NOISE, 1.7, 2)
+        dull = max(light.sun) < 0.5
+        self._lamps = float(rng.uniform(0.3, 4.0)) if dull and rng.random() < 0.7 else float(rng.uniform(0, 0.3))
+        self._blotches = float(rng.uniform(0.05, 0.35))
+        self._tilt = rng.normal(0, 0.12, 3).astype(np.float32)
+        self._skyline = float(rng.uniform(0.1, 0.5))
+
+    def sky(self, direction: FloatArray) -> FloatArray:
+        """Radiance (N, 3) of the sky in unit directions (N, 3)."""
+        light = self._light
+        up = np.maximum(direction[:, 2], 0.0)
+        blend = np.sqrt(up)[:, None]
+        colour = np.float32(light.horizon) * (1 - blend) + np.float32(light.zenith) * blend
+        scale = 0.6 / (up + 0.12)
+        cloud = self._look_up(self._clouds, direction[:, 0] * scale * 60, direction[:, 1] * scale * 60, 100.0)
+        if light.cloud_cover < 1:
+            amount = np.clip((cloud - 1.5 + 3.0 * light.cloud_cover) * 1.2, 0, 1)[:, None]
+            white = np.float32(light.sky) * 0.2 + np.float32([1.0, 1.0, 1.02]) * np.float32(0.9)
+            colour = colour * (1 - amount) + white * amount * (1 + 0.25 * light.cloud_contrast * cloud[:, None])
+        else:
+            colour = colour * np.clip(1 + light.cloud_contrast * 0.5 * cloud, 0.3, 2)[:, None]
+        glow = np.maximum(direction @ np.float32(light.sun_direction), 0)
+        sun = np.float32(light.sun)
+        if sun.max() > 0:
+            colour = colour + sun * (0.06 * glow**6 + 0.5 * glow**60 + 20.0 * (glow > 0.9995))[:, None]
+        return np.asarray(colour, np.float32)
+
+    def shade(
+        self,
+        scene: Scene,
+        hit: Hit,
+        openness: FloatArray,
+        pixel_angle: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Radiance (N, 3) float32 of hits.
+
+        Args:
+            scene: What was hit, and what casts shadows.
+            hit: The hits.
+            openness: (N,) share of the nearby sky that each sees.
+            pixel_angle: Radians that a pixel covers.
+            rng: For the sun's soft edge.
+        """
+        light = self._light
+        surface = scene.faces.surface[hit.face]
+        cosine = np.clip(-np.einsum("ni,ni->n", hit.normal, hit.direction), 0.03, 1)
+        albedo, shine = self._albedo(scene, hit, surface, cosine, pixel_angle)
+        patch = self._patches(hit.point)
+        upward = hit.normal[:, 2]
+        ambient = (0.55 + 0.45 * upward + hit.normal @ self._tilt) * openness
+        bounce = (0.5 - 0.5 * upward) * (0.15 + 0.15 * openness)
+        irradiance = np.float32(light.sky) * ((ambient + bounce) * (0.5 + 0.5 * patch))[:, None]
+        sun = np.float32(light.sun)
+        lit = np.zeros(len(surface), np.float32)
+        if sun.max() > 0:
+            lit = self._sunlight(scene, hit, rng) * patch
+            irradiance += sun * (lit * np.maximum(hit.normal @ np.float32(light.sun_direction), 0))[:, None]
+            irradiance += sun * (0.10 * openness * (1 - 0.5 * upward))[:, None]
+        colour = albedo * irradiance
+        colour += albedo * ((surface == Surface.LAMP) * np.float32(self._lamps))[:, None]
+        self._reflect(colour, hit, surface, shine, cosine, openness, lit)
+        air = np.exp(-hit.range_m / np.float32(light.haze_m))[:, None]
+        haze = np.float32(light.horizon) * np.float32(0.9)
+        return np.asarray(colour * air + haze * (1 - air), np.float32)
+
+    def _albedo(
+        self, scene: Scene, hit: Hit, surface: npt.NDArray[np.uint8], cosine: FloatArray, pixel_angle: float
+    ) -> tuple[FloatArray, FloatArray]:
+        faces = scene.faces
+        corners_uv = faces.uv[hit.face]
+        uv = np.einsum("nci,nc->ni", corners_uv, hit.weight)
+        footprint = hit.range_m * np.float32(pixel_angle) / np.sqrt(cosine)
+        density = scene.tiles_per_metre[hit.face]
+        texture, shine = self._atlas.sample(faces.texture[hit.face], uv, footprint * density)
+        albedo = texture * faces.colour[hit.face] * self._dampening[surface][:, None]
+        # Blotches in the world, larger than the textures: they hide that tiles repeat.
+        rough = np.flatnonzero(self._rough[surface])
+        x, y, size = hit.point[rough, 0], hit.point[rough, 1], footprint[rough]
+        blotch = self._look_up(self._noise, x, y, 31.0) * self._blotches
+        blotch += self._look_up(self._noise, y, x, 2.3) * 0.10 * np.clip(1.5 - size / 0.03, 0, 1)
+        albedo[rough] *= np.exp(blotch)[:, None]
+        return np.minimum(albedo, 1.0), shine
+
+    def _patches(self, point: FloatArray) -> FloatArray:
+        if self._light.patches <= 0:
+            return np.ones(len(point), np.float32)
+        noise = self._look_up(self._clouds, point[:, 0], point[:, 1] + point[:, 2], 160.0)
+        return np.asarray(np.exp(self._light.patches * np.clip(noise, -2, 1.2)), np.float32)
+
+    def _look_up(self, noise: FloatArray, x: FloatArray, y: FloatArray, tile_m: float) -> FloatArray:
+        scale = np.float32(_NOISE / tile_m)
+        column = np.floor(x * scale).astype(np.int32) & (_NOISE - 1)
+        row = np.floor(y * scale).astype(np.int32) & (_NOISE - 1)
+        return np.asarray(noise[row, column])
+
+    def _sunlight(self, scene: Scene, hit: Hit, rng: np.random.Generator) -> FloatArray:
+        direction = np.asarray(self._light.sun_direction, np.float32)
+        facing = np.flatnonzero(hit.normal @ direction > 0)
+        origins = hit.point[facing] + hit.normal[facing] * np.float32(4e-3)
+        spread = rng.standard_normal((len(facing), 3), dtype=np.float32) * np.float32(0.005)
+        lit = np.zeros(len(hit.face), np.float32)
+        lit[facing] = ~scene.occluded(origins, direction + spread, 300.0)
+        return lit
+
+    def _reflect(
+        self,
+        colour: FloatArray,
+        hit: Hit,
+        surface: npt.NDArray[np.uint8],
+        shine: FloatArray,
+        cosine: FloatArray,
+        openness: FloatArray,
+        lit: FloatArray,
+    ) -> None:
+        """Adds what glossy faces mirror, in place: sky above, a dark band at the horizon, the ground below."""
+        gloss = self._gloss[surface] * shine
+        some = np.flatnonzero(gloss > 0.02)
+        normal, direction, angle = hit.normal[some], hit.direction[some], cosine[some]
+        mirrored = direction + normal * (2 * angle)[:, None]
+        base = np.where(surface[some] == Surface.GLASS, np.float32(0.09), np.float32(0.045))
+        share = gloss[some] * (base + (1 - base) * (1 - angle) ** 5)
+        height = mirrored[:, 2:3]
+        above = np.clip((height - 0.03) / 0.25, 0, 1)
+        around = np.float32(self._light.sky) * np.float32(self._skyline * 0.5)
+        reflected = self.sky(mirrored) * above + around * (1 - above)
+        reflected *= (0.35 + 0.65 * openness[some])[:, None]
+        sun = np.float32(self._light.sun)
+        if sun.max() > 0:
+            glint = np.maximum(mirrored @ np.float32(self._light.sun_direction), 0) ** 120
+            reflected += sun * (glint * lit[some] * 4)[:, None]
+        colour[some] = colour[some] * (1 - share)[:, None] + reflected * share[:, None]

@@ -1,0 +1,1 @@
+"""Training: samples from bags, augmentation, losses and the loop that fits a network."""

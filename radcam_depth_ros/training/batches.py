@@ -1,0 +1,183 @@
+"""Batches of augmented samples, made ahead while the network trains.
+
+Which samples a batch holds and what happens to them is a function of the seed and of how many samples came before:
+there is no sampler state, so that a resumed run goes on exactly as it would have.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from radcam_depth_ros.frame import FloatArray
+from radcam_depth_ros.geometry import ground_coefficients
+from radcam_depth_ros.training.augmentation import AugmentationConfig, augment
+from radcam_depth_ros.training.samples import RADAR_COLUMNS, CachedDrive, TrainingError, TrainingSample
+
+POINTS_MULTIPLE = 16
+"""The number of returns of a batch is rounded up to this: few different shapes, so memory is used again."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What one iteration is given.
+
+    Attributes:
+        image: (B, 3, H, W) float32, 0 to 1, channels last in memory.
+        radar: (B, N, 6) float32.
+        valid: (B, N) bool.
+        ground: (B, 3) float32.
+        depth_accumulated_m: (B, 1, H, W) float32, NaN unknown, +inf sky: many scans, or the exact depth.
+        depth_single_m: The same of a single scan; None where one ground truth serves as both.
+        classes: (B, H, W) uint8, 255 unknown.
+    """
+
+    image: Tensor
+    radar: Tensor
+    valid: Tensor
+    ground: Tensor
+    depth_accumulated_m: Tensor
+    depth_single_m: Tensor | None
+    classes: Tensor
+
+    def to(self, device: torch.device) -> Batch:
+        """The same batch on a device."""
+        single = None if self.depth_single_m is None else self.depth_single_m.to(device, non_blocking=True)
+        moved = (
+            tensor.to(device, non_blocking=True)
+            for tensor in (self.image, self.radar, self.valid, self.ground, self.depth_accumulated_m)
+        )
+        return Batch(*moved, single, self.classes.to(device, non_blocking=True))
+
+
+@dataclass(frozen=True)
+class SampleSet:
+    """Frames of several drives under one index.
+
+    Attributes:
+        drives: The drives.
+        entries: (S, 2) int64: drive and frame of each sample.
+    """
+
+    drives: tuple[CachedDrive, ...]
+    entries: npt.NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        if not len(self.entries):
+            raise TrainingError("there is no frame with ground truth to train or validate on; give more bags")
+
+    @classmethod
+    def of(cls, drives: Sequence[CachedDrive]) -> SampleSet:
+        """All frames of some drives."""
+        entries = [(drive, frame) for drive, cached in enumerate(drives) for frame in range(len(cached))]
+        return cls(tuple(drives), np.array(entries, np.int64).reshape(-1, 2))
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __getitem__(self, index: int) -> TrainingSample:
+        drive, frame = self.entries[index]
+        return self.drives[drive][int(frame)]
+
+    @property
+    def largest(self) -> tuple[int, int]:
+        """Greatest height and width of any image."""
+        cameras = [drive.card.camera for drive in self.drives]
+        return max(camera.height for camera in cameras), max(camera.width for camera in cameras)
+
+    def split(self, share: float) -> tuple[SampleSet, SampleSet]:
+        """The first frames, and the last `share` of them (at least one)."""
+        last = min(max(1, round(share * len(self))), len(self))
+        return SampleSet(self.drives, self.entries[:-last]), SampleSet(self.drives, self.entries[-last:])
+
+    def spread(self, count: int) -> tuple[int, ...]:
+        """Indices of `count` samples, evenly over all."""
+        return tuple(np.unique(np.linspace(0, len(self) - 1, min(count, len(self))).round().astype(int)).tolist())
+
+
+def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | None = None) -> Batch:
+    """Samples of one size as a batch.
+
+    Args:
+        samples: The samples.
+        images: (H, W, 3) float32 images in their place; their own, divided by 255, by default.
+    """
+    if images is None:
+        images = [sample.image.astype(np.float32) / 255 for sample in samples]
+    points = max(len(sample.radar) for sample in samples)
+    points = max(1, -(-points // POINTS_MULTIPLE)) * POINTS_MULTIPLE
+    # Padding is a return at 1 m that is not valid: finite in every formula.
+    radar = np.ones((len(samples), points, RADAR_COLUMNS), np.float32)
+    valid = np.zeros((len(samples), points), np.bool_)
+    for index, sample in enumerate(samples):
+        radar[index, : len(sample.radar)] = sample.radar
+        valid[index, : len(sample.radar)] = True
+    ground = np.stack([ground_coefficients(sample.ground, sample.camera) for sample in samples])
+    return Batch(
+        image=torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2),
+        radar=torch.from_numpy(radar),
+        valid=torch.from_numpy(valid),
+        ground=torch.from_numpy(ground),
+        depth_accumulated_m=torch.from_numpy(np.stack([sample.depth_m for sample in samples])).float().unsqueeze(1),
+        depth_single_m=None,
+        classes=torch.from_numpy(np.stack([sample.classes for sample in samples])),
+    )
+
+
+class BatchMaker:
+    """Makes the batch that begins after a number of samples.
+
+    Args:
+        samples: What there is.
+        config: Augmentation.
+        seed: Of order and augmentation.
+    """
+
+    def __init__(self, samples: SampleSet, config: AugmentationConfig, seed: int) -> None:
+        self._samples = samples
+        self._config = config
+        self._seed = seed
+        self._orders: dict[int, npt.NDArray[np.int64]] = {}
+
+    def make(self, position: int, count: int, size: tuple[int, int]) -> Batch:
+        """The batch of the samples number `position` to `position + count`, cropped to `size` (height, width)."""
+        samples, images = [], []
+        for place in range(position, position + count):
+            rng = np.random.default_rng((self._seed, 1, place))
+            sample, image = augment(self._samples[self._index(place)], size, self._config, rng)
+            samples.append(sample)
+            images.append(image)
+        return collate(samples, images)
+
+    def _index(self, place: int) -> int:
+        epoch, offset = divmod(place, len(self._samples))
+        order = self._orders.get(epoch)
+        if order is None:
+            order = np.random.default_rng((self._seed, 0, epoch)).permutation(len(self._samples))
+            # Batches are made ahead across the end of an epoch: two orders are in use at once.
+            self._orders = {key: value for key, value in self._orders.items() if key >= epoch - 1}
+            self._orders[epoch] = order
+        return int(order[offset])
+
+
+def prefetch(
+    maker: BatchMaker, position: int, count: int, size: tuple[int, int], pool: ThreadPoolExecutor, ahead: int
+) -> Generator[Batch, None, None]:
+    """Endless batches from `position` on, `ahead` of them in the making in the pool's threads."""
+    waiting: deque[Future[Batch]] = deque()
+    try:
+        while True:
+            while len(waiting) < ahead:
+                waiting.append(pool.submit(maker.make, position, count, size))
+                position += count
+            yield waiting.popleft().result()
+    finally:
+        for future in waiting:
+            future.cancel()

@@ -1,0 +1,183 @@
+"""What `baff` is trained to: association, dense depth and confidence (METHODS A; Electronics 2025, section 3.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from radcam_depth_ros.networks import Association, TrainOutputs
+from radcam_depth_ros.training.samples import TrainingError
+
+
+@dataclass(frozen=True)
+class LossConfig:
+    """Weights and thresholds of the losses: how a network is trained, so no part of its architecture.
+
+    Attributes:
+        association: Weight of stage 1's binary cross entropy.
+        association_tolerance_m: A pixel belongs to a return when their depths differ by less than this (the paper's
+            0.4 m).
+        association_tolerance_share: Widens the tolerance by this share of the depth; 0 is the paper's form.
+        positive_weight: How much more a pixel that belongs to a return counts than one that does not: they are few.
+        accumulated: Weight of the smooth L1 on the accumulated ground truth (exact depth in simulated drives).
+        single: Weight of the smooth L1 on the single scan's ground truth; both are 1 in the paper.
+        smooth_l1_beta_m: Error from which on the smooth L1 is linear.
+        sky: Weight of pixels without any surface or beyond the depth range, which are drawn to the farthest depth,
+            relative to the others.
+        log_depth: Weight of an L1 on the logarithm of depth, which counts a tenth of the distance alike near and far;
+            0 is the paper's loss.
+        confidence: Weight of the confidence's binary cross entropy.
+        confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
+    """
+
+    association: float = 1.0
+    association_tolerance_m: float = 0.4
+    association_tolerance_share: float = 0.0
+    positive_weight: float = 2.0
+    accumulated: float = 1.0
+    single: float = 1.0
+    smooth_l1_beta_m: float = 1.0
+    sky: float = 0.1
+    log_depth: float = 0.0
+    confidence: float = 0.1
+    confidence_tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        weights = (
+            self.association,
+            self.accumulated,
+            self.single,
+            self.sky,
+            self.log_depth,
+            self.confidence,
+            self.association_tolerance_share,
+        )
+        if min(weights) < 0:
+            raise TrainingError(f"loss weights must not be negative, got {min(weights)}")
+        positive = (
+            self.association_tolerance_m,
+            self.positive_weight,
+            self.smooth_l1_beta_m,
+            self.confidence_tolerance,
+        )
+        if min(positive) <= 0:
+            raise TrainingError(
+                "association_tolerance_m, positive_weight, smooth_l1_beta_m and confidence_tolerance must be "
+                f"positive, got {min(positive)}"
+            )
+
+
+@dataclass(frozen=True)
+class Losses:
+    """The total and its parts before weighting; scalars. The parts pass no gradient."""
+
+    total: Tensor
+    association: Tensor
+    dense: Tensor
+    log_depth: Tensor
+    confidence: Tensor
+
+    def values(self) -> dict[str, float]:
+        """As numbers, by name."""
+        return {entry.name: float(getattr(self, entry.name).detach()) for entry in fields(self)}
+
+
+def association_loss(association: Association, radar: Tensor, truth_m: Tensor, config: LossConfig) -> Tensor:
+    """Binary cross entropy of every logit whose pixel has ground truth.
+
+    Args:
+        association: Logits (B, N, h, w) with their columns, -1 for those that do not count.
+        radar: (B, N, 6) returns.
+        truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) belongs to no return.
+        config: Tolerance and weight of positives.
+
+    Returns:
+        A scalar: the mean over the pixels and returns that count, a positive counting `positive_weight` times.
+    """
+    stride = association.stride
+    # One pixel stands for its cell: depths are never blended across edges.
+    truth = truth_m[:, 0, stride // 2 :: stride, stride // 2 :: stride].transpose(1, 2)
+    batch, returns, columns = torch.nonzero(association.columns >= 0, as_tuple=True)
+    # Only the columns of each return's region are touched, a fraction of N x h x w; a column is one contiguous row of
+    # the transposed logits.
+    logits = association.logits.transpose(2, 3)[batch, returns, columns].float()
+    at = association.columns[batch, returns, columns]
+    truth = truth[batch, at]
+    depth = radar[batch, returns, 2].unsqueeze(1)
+    tolerance = config.association_tolerance_m + config.association_tolerance_share * depth
+    counts = ~torch.isnan(truth)
+    positive = (truth - depth).abs() < tolerance
+    weight = torch.where(positive, config.positive_weight, 1.0) * counts
+    entropy = functional.binary_cross_entropy_with_logits(logits, positive.float(), weight, reduction="sum")
+    return entropy / counts.sum().clamp(min=1)
+
+
+def dense_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
+    """Smooth L1 in metres, means over the pixels with a surface in range and, weighted `sky`, over those without.
+
+    Args:
+        dense_m: (B, 1, H, W) metres.
+        truth_m: The same size; NaN unknown, +inf or beyond `max_depth_m` is drawn to `max_depth_m`.
+        max_depth_m: Farthest depth that the network gives.
+        config: `smooth_l1_beta_m` and `sky`.
+    """
+    beyond = truth_m > max_depth_m
+    in_range = (truth_m > 0) & ~beyond
+    target = torch.where(in_range, truth_m, max_depth_m)
+    error = functional.smooth_l1_loss(dense_m, target, reduction="none", beta=config.smooth_l1_beta_m)
+    return _mean(error, in_range) + config.sky * _mean(error, beyond)
+
+
+def log_depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float) -> Tensor:
+    """Mean absolute difference of the logarithms, over the pixels with a surface in range; shapes as `dense_loss`."""
+    in_range = (truth_m > 0) & (truth_m <= max_depth_m)
+    difference = (torch.log(dense_m) - torch.log(torch.where(in_range, truth_m, 1.0))).abs()
+    return _mean(difference, in_range)
+
+
+def confidence_loss(logit: Tensor, dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
+    """Binary cross entropy against whether the dense depth, taken as it is, is right; shapes as `dense_loss`."""
+    in_range = (truth_m > 0) & (truth_m <= max_depth_m)
+    right = (dense_m.detach() - truth_m).abs() < config.confidence_tolerance * truth_m
+    entropy = functional.binary_cross_entropy_with_logits(logit, right.float(), reduction="none")
+    return _mean(entropy, in_range)
+
+
+def total_loss(
+    outputs: TrainOutputs,
+    radar: Tensor,
+    accumulated_m: Tensor,
+    single_m: Tensor | None,
+    max_depth_m: float,
+    config: LossConfig,
+) -> Losses:
+    """All losses of a batch.
+
+    Args:
+        outputs: What the network gave.
+        radar: (B, N, 6) returns that it was given.
+        accumulated_m: (B, 1, H, W) ground truth of many scans, or the exact depth.
+        single_m: The same of a single scan; None where one ground truth serves as both.
+        max_depth_m: Farthest depth that the network gives.
+        config: Weights.
+    """
+    dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
+    association = association_loss(outputs.association, radar, accumulated_m, config)
+    accumulated = dense_loss(dense_m, accumulated_m, max_depth_m, config)
+    single = accumulated if single_m is None else dense_loss(dense_m, single_m, max_depth_m, config)
+    confidence = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config)
+    total = config.association * association + config.accumulated * accumulated + config.single * single
+    total = total + config.confidence * confidence
+    log_depth = torch.zeros_like(total)
+    if config.log_depth > 0:
+        log_depth = log_depth_loss(dense_m, accumulated_m, max_depth_m)
+        total = total + config.log_depth * log_depth
+    return Losses(total, association.detach(), accumulated.detach(), log_depth.detach(), confidence.detach())
+
+
+def _mean(values: Tensor, where: Tensor) -> Tensor:
+    # torch.where, not a product: what does not count may be NaN.
+    return torch.where(where, values, 0.0).sum() / where.sum().clamp(min=1)

@@ -1,0 +1,60 @@
+"""Which number format a machine trains fastest in."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from radcam_depth_ros.training.samples import TrainingError
+
+
+@dataclass(frozen=True)
+class Precision:
+    """A device and the number format of its convolutions.
+
+    Attributes:
+        device: Where tensors are.
+        dtype: float32, or bfloat16 through autocast.
+    """
+
+    device: torch.device
+    dtype: torch.dtype
+
+    @classmethod
+    def choose(cls, precision: str, device: str) -> Precision:
+        """From a recipe's values.
+
+        Args:
+            precision: `float32`, `bfloat16`, or `auto`: bfloat16 where the hardware computes in it (elsewhere it is
+                emulated, slower than float32).
+            device: `cpu`, `cuda` or `cuda:N`.
+
+        Raises:
+            TrainingError: for a device that is not there.
+        """
+        try:
+            place = torch.device(device)
+        except RuntimeError:
+            raise TrainingError(f"device must be 'cpu' or 'cuda', got {device!r}") from None
+        if place.type == "cuda" and not torch.cuda.is_available():
+            raise TrainingError("device is 'cuda', but this machine has no GPU that torch can use; set device: cpu")
+        native = place.type == "cuda" or _processor_has_bfloat16()
+        wanted = precision == "bfloat16" or (precision == "auto" and native)
+        return cls(place, torch.bfloat16 if wanted else torch.float32)
+
+    def autocast(self) -> AbstractContextManager[object]:
+        """The context that the forward pass runs in."""
+        if self.dtype == torch.float32:
+            return nullcontext()
+        return torch.autocast(self.device.type, self.dtype)
+
+
+def _processor_has_bfloat16() -> bool:
+    try:
+        flags = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return False
+    return "avx512_bf16" in flags or "amx_bf16" in flags

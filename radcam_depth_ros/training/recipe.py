@@ -1,0 +1,151 @@
+"""How a network is trained: everything but its architecture's defaults and the data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from radcam_depth_ros.training.augmentation import AugmentationConfig
+from radcam_depth_ros.training.losses import LossConfig
+from radcam_depth_ros.training.samples import TrainingError
+
+
+@dataclass(frozen=True)
+class StageConfig:
+    """A stretch of training with one crop size.
+
+    Attributes:
+        share: Its share of the whole training; the shares of all stages sum to 1.
+        height: Of the crops, a multiple of 32.
+        width: Of the crops, a multiple of 32.
+        batch: Samples an iteration.
+    """
+
+    share: float
+    height: int
+    width: int
+    batch: int
+
+    def __post_init__(self) -> None:
+        if self.height < 32 or self.width < 32 or self.height % 32 or self.width % 32:
+            raise TrainingError(f"crops must have sides that are multiples of 32, got {self.height} x {self.width}")
+        if self.batch < 1 or self.share <= 0:
+            raise TrainingError(f"a stage needs a batch and a share above 0, got {self.batch} and {self.share}")
+
+
+@dataclass(frozen=True)
+class OptimiserConfig:
+    """AdamW and its schedule.
+
+    Attributes:
+        learning_rate: At its highest (the paper: 2e-4).
+        schedule: `cosine` from the highest rate to `final_share` of it, or `step` to half of it for the last third
+            (the paper's 2e-4, then 1e-4).
+        final_share: See `schedule`.
+        warm_up_iterations: The rate rises from 0 over these.
+        weight_decay: Of AdamW; of weights with two dimensions or more, not of biases and norms.
+        clip_norm: Greatest norm of the gradient; 0 for no limit.
+        average_decay: Of the moving average of the weights, which is what is validated and shipped; 0 for none.
+    """
+
+    learning_rate: float = 2e-4
+    schedule: str = "cosine"
+    final_share: float = 0.02
+    warm_up_iterations: int = 300
+    weight_decay: float = 1e-4
+    clip_norm: float = 20.0
+    average_decay: float = 0.998
+
+    def __post_init__(self) -> None:
+        if self.schedule not in ("cosine", "step"):
+            raise TrainingError(f"schedule must be 'cosine' or 'step', got {self.schedule!r}")
+        if self.learning_rate <= 0 or not 0 <= self.average_decay < 1 or self.clip_norm < 0:
+            raise TrainingError(
+                "learning_rate must be positive, average_decay in 0 to 1 and clip_norm at least 0, got "
+                f"{self.learning_rate}, {self.average_decay} and {self.clip_norm}"
+            )
+
+    def rate(self, step: int, progress: float) -> float:
+        """The learning rate of an iteration, `progress` (0 to 1) of the way through the training."""
+        warm = min(1.0, (step + 1) / max(self.warm_up_iterations, 1))
+        if self.schedule == "step":
+            return self.learning_rate * warm * (1.0 if progress < 2 / 3 else 0.5)
+        share = self.final_share + (1 - self.final_share) * 0.5 * (1 + math.cos(math.pi * min(progress, 1.0)))
+        return self.learning_rate * warm * share
+
+
+@dataclass(frozen=True)
+class ValidationConfig:
+    """How often and on how much the weights are judged.
+
+    Attributes:
+        every_iterations: Between two validations.
+        frames: Number of frames, evenly over the validation bags.
+        hold_out: Share of the bags (or, of a single bag, of its last frames) that is held out when no validation bags
+            are given.
+    """
+
+    every_iterations: int = 1000
+    frames: int = 40
+    hold_out: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.every_iterations < 1 or self.frames < 1 or not 0 < self.hold_out < 1:
+            raise TrainingError(
+                "validation needs every_iterations and frames of at least 1 and hold_out between 0 and 1, got "
+                f"{self.every_iterations}, {self.frames} and {self.hold_out}"
+            )
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """A recipe.
+
+    Attributes:
+        architecture: Values of the network's config that differ from its defaults.
+        iterations: Length of the training; a time limit may end it earlier, and then the schedule follows the time.
+        seed: Of weights, order and augmentation.
+        precision: `float32`, `bfloat16`, or `auto`: bfloat16 where the processor computes in it.
+        device: `cpu` or `cuda`.
+        loader_threads: Threads that make batches.
+        log_every_iterations: Between two lines of training losses.
+        checkpoint_every_minutes: Between two checkpoints.
+        stages: Crop sizes.
+        optimiser: Optimiser.
+        loss: Losses.
+        augmentation: Augmentation.
+        validation: Validation.
+    """
+
+    architecture: Mapping[str, Any] = field(default_factory=dict)
+    iterations: int = 40_000
+    seed: int = 0
+    precision: str = "auto"
+    device: str = "cpu"
+    loader_threads: int = 1
+    log_every_iterations: int = 50
+    checkpoint_every_minutes: float = 5.0
+    stages: tuple[StageConfig, ...] = (StageConfig(0.75, 256, 448, 4), StageConfig(0.25, 448, 800, 2))
+    optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
+    loss: LossConfig = field(default_factory=LossConfig)
+    augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
+    validation: ValidationConfig = field(default_factory=ValidationConfig)
+
+    def __post_init__(self) -> None:
+        if not self.stages or abs(sum(stage.share for stage in self.stages) - 1) > 1e-6:
+            raise TrainingError(f"the shares of all stages must sum to 1, got {[s.share for s in self.stages]}")
+        if self.precision not in ("auto", "float32", "bfloat16"):
+            raise TrainingError(f"precision must be 'auto', 'float32' or 'bfloat16', got {self.precision!r}")
+        if min(self.iterations, self.loader_threads, self.log_every_iterations) < 1:
+            raise TrainingError("iterations, loader_threads and log_every_iterations must be at least 1")
+
+    def stage(self, progress: float) -> StageConfig:
+        """The stage at `progress` (0 to 1) of the way through the training."""
+        reached = 0.0
+        for stage in self.stages[:-1]:
+            reached += stage.share
+            if progress < reached:
+                return stage
+        return self.stages[-1]

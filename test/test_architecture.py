@@ -1,0 +1,149 @@
+"""The rooms of the package and what each may import, as docs/design.md says."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = "radcam_depth_ros"
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / PACKAGE
+MODULES = sorted(SOURCE.rglob("*.py"))
+
+FREE = {"numpy", "__future__", *sys.stdlib_module_names}
+ROS = {
+    "ament_index_python",
+    "builtin_interfaces",
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "lifecycle_msgs",
+    "nav_msgs",
+    "rcl_interfaces",
+    "rclpy",
+    "sensor_msgs",
+    "std_msgs",
+    "tf2_msgs",
+}
+
+
+def read_rooms() -> dict[str, tuple[set[str], set[str]]]:
+    """Of each room: the rooms and the packages that it may import, from the table in docs/design.md."""
+    rows = re.findall(r"^\| (`\w+`) \|(.*)\|(.*)\|.*\|$", (ROOT / "docs/design.md").read_text(encoding="utf-8"), re.M)
+    names = re.compile(r"`(\w+)`")
+    return {names.findall(room)[0]: (set(names.findall(a)), set(names.findall(b))) for room, a, b in rows}
+
+
+ROOMS = read_rooms()
+FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "misc", "tools", "base"}
+FORBIDDEN_ENDINGS = ("_new", "_old", "_v2", "_utils", "_helpers", "_common", "_misc")
+
+
+def module_id(path: Path) -> str:
+    return str(path.relative_to(SOURCE))
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def imported_names(path: Path) -> Iterator[tuple[str, ...]]:
+    """Dotted names that a module imports anywhere in it, in functions and for type checkers too, made absolute."""
+    package = (PACKAGE, *path.relative_to(SOURCE).parts[:-1])
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (tuple(alias.name.split(".")) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            start = package[: len(package) - node.level + 1] if node.level else ()
+            module = (*start, *(node.module or "").split(".")) if node.module else start
+            # `from package import room` names the room in its alias.
+            yield from ((*module, alias.name) for alias in node.names)
+
+
+def imports(path: Path) -> tuple[set[str], set[str]]:
+    """Rooms of this package, and other distributions' packages beside numpy and the standard library."""
+    names = list(imported_names(path))
+    exported = {"__version__", "__name__"}
+    rooms = {name[1] for name in names if name[0] == PACKAGE and len(name) > 1 and name[1] not in exported}
+    return rooms - {room_of(path)}, {name[0] for name in names} - {PACKAGE} - FREE
+
+
+def test_every_room_of_the_table_exists() -> None:
+    assert {room_of(path) for path in MODULES} == ROOMS.keys()
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_id)
+def test_a_module_imports_only_what_its_room_may(path: Path) -> None:
+    room = room_of(path)
+    assert room in ROOMS, f"{room} is not in the table of rooms in docs/design.md"
+    rooms, others = imports(path)
+    allowed_rooms, allowed_others = ROOMS[room]
+    assert rooms <= allowed_rooms, f"{room} may not import {sorted(rooms - allowed_rooms)}"
+    assert others <= allowed_others, f"{room} may not import {sorted(others - allowed_others)}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_id)
+def test_only_node_and_parameters_import_ros(path: Path) -> None:
+    if room_of(path) not in {"node", "parameters"}:
+        assert not imports(path)[1] & ROS
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_id)
+def test_nothing_imports_node_or_cli(path: Path) -> None:
+    assert not imports(path)[0] & {"node", "cli"}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_id)
+def test_torchscript_is_touched_by_the_archive_alone(path: Path) -> None:
+    if path != SOURCE / "networks" / "archive.py":
+        assert not [
+            node
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.Attribute) and node.attr in {"script", "load", "freeze"}
+            if ast.unparse(node.value) == "torch.jit"
+        ]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=module_id)
+def test_modules_are_short_and_named_for_a_noun(path: Path) -> None:
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    assert lines <= 400, f"{lines} lines; split it along its nouns"
+    for part in path.relative_to(SOURCE).parts:
+        name = part.removesuffix(".py")
+        assert name.strip("_") not in FORBIDDEN_NAMES
+        assert not name.endswith(FORBIDDEN_ENDINGS)
+
+
+def test_the_table_has_no_cycle() -> None:
+    done: set[str] = set()
+    while done != ROOMS.keys():
+        ready = {room for room, (rooms, _) in ROOMS.items() if room not in done and rooms <= done}
+        assert ready, f"these rooms import each other in a circle: {sorted(ROOMS.keys() - done)}"
+        done |= ready
+
+
+def test_everything_else_imports_where_ros_is_not_installed() -> None:
+    script = f"""
+import importlib, pkgutil, sys
+sys.modules["rclpy"] = None
+import {PACKAGE}
+for module in pkgutil.walk_packages({PACKAGE}.__path__, "{PACKAGE}."):
+    if module.name not in ("{PACKAGE}.node", "{PACKAGE}.parameters"):
+        importlib.import_module(module.name)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
