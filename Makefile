@@ -13,6 +13,7 @@ BAG ?=
 RATE ?=
 FRAMES ?=
 SEED ?=
+MODEL ?=
 OUT ?= out/demo
 
 .PHONY: help demo test lint format clean
@@ -20,9 +21,9 @@ OUT ?= out/demo
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 10
 
-demo: .venv/installed ## a drive through the live node, with a report [BAG=path] [RATE=1] [FRAMES=n] [SEED=n] [OUT=folder]
+demo: .venv/installed ## a drive through the live node, with a report [BAG=path] [RATE=1] [FRAMES=n] [SEED=n] [MODEL=file] [OUT=folder]
 	@.venv/bin/python -m demo --out "$(OUT)" $(if $(BAG),--bag "$(BAG)") $(if $(RATE),--rate "$(RATE)") \
-	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)")
+	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)") $(if $(MODEL),--model "$(MODEL)")
 
 test: .venv/installed ## all tests
 	@ROS_PYTHON_CHECK_FIELDS=1 .venv/bin/python -m pytest $(PYTEST_ARGS)

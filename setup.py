@@ -43,7 +43,6 @@ setup(
         "rich>=13",
         "rosbags>=0.10",
         "safetensors>=0.4",
-        "setuptools>=68",
         "torch>=2.4",
         "typer>=0.12",
     ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import Any, Protocol
 
@@ -11,46 +11,17 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 CLOCK_PERIOD_S = 0.02
+MAX_LEAD_NS = 500_000_000
+"""So far /clock runs ahead of a message that is held back; then it stands still."""
 
 
 class PlayedMessage(Protocol):
     """A message of a bag, as the player needs it."""
 
-    @property
-    def topic(self) -> str:
-        """Where it was recorded."""
-
-    @property
-    def type_name(self) -> str:
-        """Such as `sensor_msgs/msg/Image`."""
-
-    @property
-    def log_time_ns(self) -> int:
-        """When it was recorded, nanoseconds."""
-
-    @property
-    def raw(self) -> bytes:
-        """Serialised (CDR)."""
-
-
-def in_playing_order(messages: Iterable[PlayedMessage]) -> Iterator[PlayedMessage]:
-    """Messages by log time, a camera_info before the image of the same time.
-
-    Drivers publish both at once, and a bag may have them in either order.
-    """
-    same_time: list[PlayedMessage] = []
-    for message in messages:
-        if same_time and message.log_time_ns != same_time[0].log_time_ns:
-            yield from sorted(same_time, key=_is_not_camera_info)
-            same_time.clear()
-        same_time.append(message)
-    yield from sorted(same_time, key=_is_not_camera_info)
-
-
-def _is_not_camera_info(message: PlayedMessage) -> bool:
-    return message.type_name != CAMERA_INFO
+    topic: str
+    log_time_ns: int
+    raw: bytes
 
 
 def message_class(type_name: str) -> Any:
@@ -65,7 +36,7 @@ class Player:
     Args:
         node: The ROS node that the publishers belong to.
         topics: Topic to type of what is played.
-        rate: Seconds of the recording in one second; at most, where `before` of `play` waits.
+        rate: Seconds of the recording in one second; at most, where messages are held back.
     """
 
     def __init__(self, node: Node, topics: Mapping[str, str], rate: float) -> None:
@@ -75,48 +46,49 @@ class Player:
             topic: node.create_publisher(message_class(type_name), topic, qos) for topic, type_name in topics.items()
         }
         self._rate = rate
+        self._clock_ns = 0
 
     def unheard(self) -> tuple[str, ...]:
         """Topics, /clock included, that nobody subscribes to yet."""
         publishers = {**self._publishers, "/clock": self._clock}
         return tuple(topic for topic, publisher in publishers.items() if not publisher.get_subscription_count())
 
-    def publish(self, message: PlayedMessage) -> None:
-        """Publishes one message at once, its log time on /clock before it."""
-        self.set_clock(message.log_time_ns)
-        self._publishers[message.topic].publish(bytes(message.raw))
-
-    def set_clock(self, time_ns: int) -> None:
-        """Publishes a time on /clock."""
-        clock = Clock()
-        clock.clock.sec, clock.clock.nanosec = divmod(time_ns, 1_000_000_000)
-        self._clock.publish(clock)
-
-    def play(
-        self, messages: Iterable[PlayedMessage], held: Collection[str], before: Callable[[PlayedMessage], None]
-    ) -> None:
-        """Plays messages in playing order.
+    def play(self, messages: Iterable[PlayedMessage], ready: Callable[[PlayedMessage], bool], tail_s: float) -> None:
+        """Plays messages, and lets /clock run on for a while after the last.
 
         Args:
             messages: By log time; only of the player's topics.
-            held: Topics of which `before` is called with each message before it is published, with /clock at its time;
-                /clock stands still until it returns.
-            before: May wait for whatever has to have happened.
+            ready: Asked before each message whether it may be published, again and again until it may; where it says no
+                it should have waited a few hundredths of a second. What comes after is delayed as much. Meanwhile
+                /clock runs on a little, since the node may wait for time to pass before it can give what is waited for.
+            tail_s: Seconds of the recording's time after the last message.
         """
-        time_ns: int | None = None
-        for message in in_playing_order(messages):
-            if time_ns is not None:
-                self._pass_time(time_ns, message.log_time_ns)
-            time_ns = message.log_time_ns
-            if message.topic in held:
-                self.set_clock(time_ns)
-                before(message)
-            self.publish(message)
+        origin_s, first_ns, last_ns = time.monotonic(), None, 0
+        for message in messages:
+            last_ns = message.log_time_ns
+            first_ns = last_ns if first_ns is None else first_ns
+            self._wait_until(last_ns, origin_s, first_ns)
+            asked_s = time.monotonic()
+            while not ready(message):
+                waited_ns = int((time.monotonic() - asked_s) * self._rate * 1e9)
+                self._set_clock(last_ns + min(waited_ns, MAX_LEAD_NS))
+            origin_s += time.monotonic() - asked_s
+            self._set_clock(last_ns)
+            self._publishers[message.topic].publish(message.raw)
+        if first_ns is not None:
+            self._wait_until(last_ns + int(tail_s * 1e9), origin_s, first_ns)
 
-    def _pass_time(self, start_ns: int, stop_ns: int) -> None:
-        """Sleeps from one time of the recording to another, with /clock running."""
-        began_s = time.monotonic()
-        while (left_s := (stop_ns - start_ns) * 1e-9 / self._rate - (time.monotonic() - began_s)) > 0:
+    def _wait_until(self, time_ns: int, origin_s: float, first_ns: int) -> None:
+        """Sleeps until a time of the recording, which began with `first_ns` at `origin_s`, with /clock running."""
+        due_s = origin_s + (time_ns - first_ns) * 1e-9 / self._rate
+        while (left_s := due_s - time.monotonic()) > 0:
             time.sleep(min(left_s, CLOCK_PERIOD_S))
-            passed_ns = int((time.monotonic() - began_s) * self._rate * 1e9)
-            self.set_clock(min(start_ns + passed_ns, stop_ns))
+            left_ns = int((due_s - time.monotonic()) * self._rate * 1e9)
+            self._set_clock(time_ns - max(left_ns, 0))
+
+    def _set_clock(self, time_ns: int) -> None:
+        """Publishes a time on /clock, which never goes back."""
+        self._clock_ns = max(self._clock_ns, time_ns)
+        clock = Clock()
+        clock.clock.sec, clock.clock.nanosec = divmod(self._clock_ns, 1_000_000_000)
+        self._clock.publish(clock)

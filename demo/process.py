@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -23,27 +22,29 @@ class NodeProcess:
     Args:
         parameters: Its parameter file.
         log: Where its log goes.
-        environment: Variables besides those of this process.
-        command: What to run in place of the node's executable beside this Python.
+        remappings: Topic names in place of the node's own.
+        command: What to run in place of the node.
     """
 
     def __init__(
         self,
         parameters: Path,
         log: Path,
-        environment: Mapping[str, str] | None = None,
+        remappings: Mapping[str, str],
         command: tuple[str, ...] = (),
     ) -> None:
         # As the installed executable does it, also where the package is on the path without being installed.
         start = "import sys; from radcam_depth_ros.node import main; sys.exit(main())"
-        self._command = command or (sys.executable, "-c", start, "--ros-args", "--params-file", str(parameters))
+        arguments = ["--ros-args", "--params-file", str(parameters)]
+        for name, other in remappings.items():
+            arguments += ["-r", f"{name}:={other}"]
+        self._command = command or (sys.executable, "-c", start, *arguments)
         self._log = log
-        self._environment = {**os.environ, **(environment or {})}
 
     def __enter__(self) -> NodeProcess:
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(
-                self._command, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, env=self._environment
+                self._command, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL
             )
         return self
 
@@ -60,9 +61,17 @@ class NodeProcess:
                 continue
 
     @property
+    def problem(self) -> str | None:
+        """The first error that it logged."""
+        return next((line for line in self._lines() if line.startswith(("[ERROR]", "[FATAL]"))), None)
+
+    @property
     def last_lines(self) -> str:
         """The end of its log."""
-        return "\n".join(self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-12:])
+        return "\n".join(self._lines()[-12:])
+
+    def _lines(self) -> list[str]:
+        return self._log.read_text(encoding="utf-8", errors="replace").splitlines()
 
     def check(self) -> None:
         """Raises DemoError when the process has ended."""

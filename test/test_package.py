@@ -115,8 +115,10 @@ def test_the_executables_exist(setup_arguments: dict[str, Any]) -> None:
         module, function = script.split(" = ")[1].split(":")
         path = ROOT.joinpath(*module.split("."))
         path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-        defined = ast.parse(path.read_text(encoding="utf-8")).body
-        assert function in {node.name for node in defined if isinstance(node, ast.FunctionDef)}
+        body = ast.parse(path.read_text(encoding="utf-8")).body
+        defined = {node.name for node in body if isinstance(node, ast.FunctionDef)}
+        imported = {alias.name for node in body if isinstance(node, ast.ImportFrom) for alias in node.names}
+        assert function in defined | imported
 
 
 def test_what_ros_tools_look_for_is_shared(setup_arguments: dict[str, Any]) -> None:

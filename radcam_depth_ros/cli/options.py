@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.text import Text
 
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.files import write_text
 
 Bag = Annotated[Path, typer.Argument(help="A rosbag2 folder or .mcap file.")]
 NetworkOption = Annotated[str, typer.Option(help="A network whose weights come with the package.")]
@@ -56,12 +56,5 @@ def write_json(values: Any, target: str) -> None:
     text = json.dumps(values, indent=2) + "\n"
     if target == "-":
         typer.echo(text, nl=False)
-        return
-    path = Path(target)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    else:
+        write_text(target, text)

@@ -20,12 +20,11 @@ from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.cache import CacheSettings
 from radcam_depth_ros.training.checkpoint import write_text
 from radcam_depth_ros.training.data import find_bags, load_data
-from radcam_depth_ros.training.fit import FitResult, Limits, StepReport, Trainer, TrainingData
+from radcam_depth_ros.training.fit import RUN_FILE, FitResult, Limits, StepReport, Trainer, TrainingData
 from radcam_depth_ros.training.recipe import TrainingConfig
 from radcam_depth_ros.training.samples import TrainingError
 from radcam_depth_ros.training.validation import ValidationResult
 
-RUN_FILE = "run.yaml"
 STOPPED = 130
 """Exit code of a run that was stopped by a signal, as shells have it for Ctrl-C."""
 

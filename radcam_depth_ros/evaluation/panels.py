@@ -162,7 +162,7 @@ class PanelKeeper:
         count: Number of evenly spaced frames.
     """
 
-    def __init__(self, count: int = 5) -> None:
+    def __init__(self, count: int = 4) -> None:
         self._count = count
         self._step = 1
         self._kept: list[Observation] = []

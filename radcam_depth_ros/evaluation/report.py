@@ -11,10 +11,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from radcam_depth_ros.evaluation.files import write_text
 from radcam_depth_ros.evaluation.metrics import EvaluationError
 from radcam_depth_ros.evaluation.panels import ERROR_M, FAR_M, NEAR_M, Panel, Tile, colour_error, draw_panel
 from radcam_depth_ros.evaluation.tables import Fact, Table
+from radcam_depth_ros.files import write_text
 from radcam_depth_ros.frame import ImageArray
 from radcam_depth_ros.messages import colorise
 

@@ -68,16 +68,16 @@ def summary_table(evaluation: Evaluation) -> Table:
     """Mean absolute and root mean squared errors within each range: what papers of this field compare."""
     kinds = _kinds(evaluation)
     ranges = [entry.name for entry in evaluation.dense.ranges]
-    columns = ("", *(f"{title} {name} m" for title in ("MAE", "RMSE") for name in ranges))
+    columns = ("", *(f"{title} {name}" for title in ("MAE", "RMSE") for name in ranges))
     rows = tuple(
         (name, *(number(entry.mae) for entry in entries), *(number(entry.rmse) for entry in entries))
         for name, entries in kinds
     )
     note = (
-        "Metres; ground truth within the range, averaged over pixels, then over frames. Semi-dense: where it has "
-        "values. Geometry alone: the flat road, or the radar return nearest in the image where that is closer."
+        "Averaged over the pixels with ground truth in range, then over frames. Semi-dense: where it has values. "
+        "Geometry alone: the flat road, or the radar return nearest in the image where that is closer."
     )
-    return Table("Error of the depth", columns, rows, note)
+    return Table("Error in metres, of all within 50, 70 and 80 m", columns, rows, note)
 
 
 def detail_table(evaluation: Evaluation) -> Table:

@@ -6,7 +6,6 @@ This is the only module that touches torch.jit, which torch deprecates: its succ
 
 import hashlib
 import importlib.resources
-import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from radcam_depth_ros import configuration
+from radcam_depth_ros.files import whole
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.interface import Network
@@ -124,15 +124,14 @@ def save(network: Network, card: Card, path: Path | str) -> Card:
     target = Path(path)
     if target.suffix != ".safetensors":
         raise ArchiveError(f"weights are written as .safetensors, got {target.name}")
-    target.parent.mkdir(parents=True, exist_ok=True)
     tensors = {
         name: (value.half() if value.is_floating_point() else value).contiguous().cpu()
         for name, value in network.state_dict().items()
     }
-    with _whole(target) as temporary:
+    with whole(target) as temporary:
         save_file(tensors, temporary)
         written = Card(**{**card.__dict__, "sha256": _sha256(temporary)})
-        with _whole(target.with_suffix(".yaml")) as card_file:
+        with whole(target.with_suffix(".yaml")) as card_file:
             card_file.write_text(_card_text(written), encoding="utf-8")
     return written
 
@@ -140,9 +139,8 @@ def save(network: Network, card: Card, path: Path | str) -> Card:
 def export(archive: Archive, path: Path | str) -> None:
     """Writes one self-contained TorchScript file, frozen, with the card inside; a C++ node can load it as well."""
     target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
     module = freeze(archive.network)
-    with _whole(target) as temporary, _quiet_jit():
+    with whole(target) as temporary, _quiet_jit():
         torch.jit.save(module, str(temporary), _extra_files={CARD_ENTRY: _card_text(archive.card)})
 
 
@@ -241,17 +239,6 @@ def _card_text(card: Card) -> str:
 
 def _sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-@contextmanager
-def _whole(target: Path) -> Iterator[Path]:
-    """A temporary sibling that takes the target's name when the block succeeds, and goes away when it fails."""
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        yield temporary
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 @contextmanager

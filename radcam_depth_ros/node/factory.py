@@ -64,5 +64,5 @@ def _as_sequence(values: np.ndarray[Any, Any], field_type: str) -> object:
     if code is None:
         return values  # fixed arrays such as K are numpy arrays in rclpy, too
     sequence = array.array(code)
-    sequence.frombytes(np.ascontiguousarray(values, code).reshape(-1).view(np.uint8))
+    sequence.frombytes(np.ascontiguousarray(values, code).reshape(-1).view(np.uint8).data)
     return sequence

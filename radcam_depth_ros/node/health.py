@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import threading
+import time
 from collections import OrderedDict, deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -51,89 +52,97 @@ class _Problem:
 class Problems:
     """The present problem of each part; written to by callbacks and the worker, read by diagnostics.
 
-    A problem stays until the part works again, and in any case until it was told once: a single bad message between two
-    diagnostics is not lost.
+    A problem stays until the part works again, and in any case until it was told once, so that a single bad message
+    between two diagnostics is not lost. Each is logged as well, at most once in a while for sentences that differ in
+    numbers only.
+
+    Args:
+        log: Called with a level and a line.
+        interval_s: Seconds between two lines of a kind.
     """
 
-    def __init__(self) -> None:
+    _KINDS_KEPT = 256
+
+    def __init__(self, log: Callable[[Level, str], None], interval_s: float = 10.0) -> None:
+        self._log = log
+        self._interval_ns = round(interval_s * SECOND_NS)
         self._lock = threading.Lock()
         self._present: dict[str, _Problem] = {}
         self._counts: dict[str, int] = {}
         self._last: dict[str, str] = {}
+        self._logged: OrderedDict[tuple[str, str], int] = OrderedDict()
 
-    def report(self, part: str, level: Level, sentence: str) -> None:
-        """Something is wrong with a part."""
+    def report(self, part: str, level: Level, sentence: str, *, quietly: bool = False) -> None:
+        """Something is wrong with a part.
+
+        Args:
+            part: Which.
+            level: How bad it is.
+            sentence: What was expected, what came, what to do.
+            quietly: Don't log it.
+        """
         with self._lock:
             self._present[part] = _Problem(level, sentence)
             self._counts[part] = self._counts.get(part, 0) + 1
             self._last[part] = sentence
+            is_due = not quietly and self._is_due(part, sentence, time.monotonic_ns())
+        if is_due:
+            self._log(level, f"{part}: {sentence}")
 
     def settle(self, part: str) -> None:
         """A part works (again)."""
         with self._lock:
             problem = self._present.get(part)
-            if problem is None:
-                return
-            problem.over = True
-            if problem.told:
-                del self._present[part]
+            if problem is not None:
+                problem.over = True
+                if problem.told:
+                    del self._present[part]
 
     def settle_all(self) -> None:
         """All parts begin anew: what was wrong before does not count."""
         with self._lock:
             self._present.clear()
 
-    def tell(self, part: str) -> tuple[Level, str] | None:
-        """The part's level and sentence, None when it is well; what is over is forgotten after this."""
+    def tell(self, *parts: str) -> tuple[Level, str] | None:
+        """Level and sentence of the first of these parts that has a problem; problems that are over are forgotten."""
         with self._lock:
-            problem = self._present.get(part)
-            if problem is None:
-                return None
-            problem.told = True
-            if problem.over:
-                del self._present[part]
-            return problem.level, problem.sentence
+            told = [self._present[part] for part in parts if part in self._present]
+            for part in parts:
+                if part in self._present:
+                    self._present[part].told = True
+                    if self._present[part].over:
+                        del self._present[part]
+            return (told[0].level, told[0].sentence) if told else None
 
     def peek(self, part: str) -> str | None:
-        """The sentence of a problem that is not over."""
+        """The sentence of a part's problem, unless it is over."""
         with self._lock:
             problem = self._present.get(part)
             return None if problem is None or problem.over else problem.sentence
 
-    def history(self, part: str) -> tuple[tuple[str, str], ...]:
-        """How many problems there were and the last one, as diagnostics values."""
+    def history(self, *parts: str) -> tuple[tuple[str, str], ...]:
+        """How many problems parts had and the last one of each, as diagnostics values."""
         with self._lock:
-            if part not in self._counts:
-                return ()
-            return (("problems", str(self._counts[part])), ("last problem", self._last[part]))
+            return tuple(
+                value
+                for part in parts
+                if part in self._counts
+                for value in (
+                    (f"{part}: problems", str(self._counts[part])),
+                    (f"{part}: last problem", self._last[part]),
+                )
+            )
 
-
-class Throttle:
-    """Lets a kind of sentence through once in a while; sentences that differ in numbers only are of one kind.
-
-    Args:
-        interval_s: Seconds between two of a kind.
-    """
-
-    _LARGEST = 256
-
-    def __init__(self, interval_s: float) -> None:
-        self._interval_ns = round(interval_s * SECOND_NS)
-        self._lock = threading.Lock()
-        self._passed: OrderedDict[tuple[str, str], int] = OrderedDict()
-
-    def passes(self, part: str, sentence: str, now_ns: int) -> bool:
-        """Whether to log a sentence about a part now."""
+    def _is_due(self, part: str, sentence: str, now_ns: int) -> bool:
         key = (part, re.sub(r"\d+(\.\d+)?", "#", sentence))
-        with self._lock:
-            last = self._passed.get(key)
-            if last is not None and now_ns - last < self._interval_ns:
-                return False
-            self._passed[key] = now_ns
-            self._passed.move_to_end(key)
-            if len(self._passed) > self._LARGEST:
-                self._passed.popitem(last=False)
-            return True
+        last_ns = self._logged.get(key)
+        if last_ns is not None and now_ns - last_ns < self._interval_ns:
+            return False
+        self._logged[key] = now_ns
+        self._logged.move_to_end(key)
+        if len(self._logged) > self._KINDS_KEPT:
+            self._logged.popitem(last=False)
+        return True
 
 
 class Rate:

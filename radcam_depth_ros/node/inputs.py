@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
+from rclpy.validate_topic_name import validate_topic_name
 
 from radcam_depth_ros.intake import TRANSFORM_TOPICS
 from radcam_depth_ros.node.factory import message_class
-from radcam_depth_ros.parameters import NodeConfig
+from radcam_depth_ros.parameters import NodeConfig, ParameterError
 
 TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
@@ -41,7 +43,7 @@ class Input:
 
     @property
     def qos(self) -> QoSProfile:
-        """Best effort, since a reliable reader would hear nothing of a best-effort sensor; latched ones are reliable."""
+        """Best effort, since a reliable reader would hear nothing of a best-effort sensor; latched is reliable."""
         return QoSProfile(
             depth=self.depth,
             reliability=ReliabilityPolicy.RELIABLE if self.is_latched else ReliabilityPolicy.BEST_EFFORT,
@@ -73,18 +75,18 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     """The topics that a config names, as the node's namespace and remappings make them.
 
     Raises:
-        rclpy.exceptions.NameValidationException: for a name that is none.
+        ParameterError: for a name that is none.
     """
-    image, image_type = node.resolve_topic_name(config.pipeline.image), "sensor_msgs/msg/Image"
+    image, image_type = _full_name(node, config.pipeline.image), "sensor_msgs/msg/Image"
     if config.image_transport == "compressed":
         image_type = "sensor_msgs/msg/CompressedImage"
         image = image if image.endswith("/compressed") else f"{image}/compressed"
-    radars = tuple(node.resolve_topic_name(topic) for topic in config.pipeline.radars)
+    radars = tuple(_full_name(node, topic) for topic in config.pipeline.radars)
     static, dynamic = TRANSFORM_TOPICS
     return Inputs(
         camera=Input("camera", image, image_type, 2),
         camera_info=Input(
-            "camera_info", node.resolve_topic_name(config.pipeline.camera_info), "sensor_msgs/msg/CameraInfo", 2
+            "camera_info", _full_name(node, config.pipeline.camera_info), "sensor_msgs/msg/CameraInfo", 2
         ),
         radars=tuple(Input(f"radar {topic}", topic, "sensor_msgs/msg/PointCloud2", 10) for topic in radars),
         transforms=(
@@ -94,6 +96,15 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
         if has_transform_messages()
         else (),
     )
+
+
+def _full_name(node: Node, topic: str) -> str:
+    try:
+        validate_topic_name(topic)
+    except InvalidTopicNameException as error:
+        reason = str(error).splitlines()[0].removeprefix("Invalid topic name: ")
+        raise ParameterError(f"expected the name of a topic in the parameters, got {topic!r}: {reason}") from None
+    return str(node.resolve_topic_name(topic))
 
 
 def has_transform_messages() -> bool:

@@ -10,18 +10,13 @@ from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from radcam_depth_ros.node.factory import message_class
-from radcam_depth_ros.pipeline import DepthMessages
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS, DepthMessages
 
-OUTPUTS = {
-    "depth": ("depth/image_rect", "sensor_msgs/msg/Image"),
-    "depth_camera_info": ("depth/camera_info", "sensor_msgs/msg/CameraInfo"),
-    "semi_dense": ("semi_dense/image_rect", "sensor_msgs/msg/Image"),
-    "semi_dense_camera_info": ("semi_dense/camera_info", "sensor_msgs/msg/CameraInfo"),
-    "confidence": ("depth/confidence", "sensor_msgs/msg/Image"),
-    "preview": ("depth/preview", "sensor_msgs/msg/Image"),
-    "points": ("depth/points", "sensor_msgs/msg/PointCloud2"),
+_TYPES = {
+    "depth_camera_info": "sensor_msgs/msg/CameraInfo",
+    "semi_dense_camera_info": "sensor_msgs/msg/CameraInfo",
+    "points": "sensor_msgs/msg/PointCloud2",
 }
-"""Topic and type of each field of `DepthMessages`."""
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 """Policies that `qos_overrides.<topic>.publisher.*` parameters change."""
 
@@ -39,8 +34,8 @@ class Outputs:
         self._on_problem = on_problem
         self._publishers: dict[str, LifecyclePublisher] = {}
         try:
-            for name, (topic, type_name) in OUTPUTS.items():
-                self._publishers[name] = self._create(topic, type_name)
+            for name, topic in OUTPUT_TOPICS.items():
+                self._publishers[name] = self._create(topic, _TYPES.get(name, "sensor_msgs/msg/Image"))
         except Exception:
             self.destroy()
             raise
@@ -59,7 +54,7 @@ class Outputs:
     def subscribers(self) -> tuple[tuple[str, str], ...]:
         """How many subscribe to each topic, as diagnostics values."""
         return tuple(
-            (OUTPUTS[name][0], f"{publisher.get_subscription_count()} subscribers")
+            (OUTPUT_TOPICS[name], f"{publisher.get_subscription_count()} subscribers")
             for name, publisher in self._publishers.items()
         )
 
@@ -78,7 +73,7 @@ class Outputs:
                 f"qos_overrides.{self._node.resolve_topic_name(topic)}.publisher.{policy.lower()}"
             )
 
-        return self._node.create_lifecycle_publisher(
+        publisher: LifecyclePublisher = self._node.create_lifecycle_publisher(
             message_class(type_name),
             topic,
             # A reliable writer serves both kinds of readers.
@@ -86,3 +81,4 @@ class Outputs:
             event_callbacks=PublisherEventCallbacks(incompatible_qos=on_incompatible),
             qos_overriding_options=QoSOverridingOptions(OVERRIDABLE),
         )
+        return publisher

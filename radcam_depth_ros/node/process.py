@@ -6,13 +6,17 @@ import os
 import signal
 import sys
 import threading
+from typing import TYPE_CHECKING
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-GRACE_S = 1.5
-"""After a signal the process ends within this time, whatever the network is busy with."""
+if TYPE_CHECKING:
+    from radcam_depth_ros.node.depth_node import RadcamDepthNode
+
+GRACE_S = 1.2
+"""So long after a signal the process waits for its threads, whatever the network is busy with."""
 
 
 class _Life(threading.Thread):
@@ -47,11 +51,18 @@ class _Life(threading.Thread):
         executor.add_node(node)
         try:
             while not self._stop_asked.is_set():
-                executor.spin_once(timeout_sec=0.2)
+                _spin_once(executor, node)
         finally:
             self.is_clean = node.close(timeout_s=GRACE_S / 2)
             executor.remove_node(node)
             node.destroy_node()
+
+
+def _spin_once(executor: SingleThreadedExecutor, node: RadcamDepthNode) -> None:
+    try:
+        executor.spin_once(timeout_sec=0.2)
+    except Exception as error:  # rclpy's own, such as when it is asked for a transition that is not possible
+        node.report_defect(error)
 
 
 def main(args: list[str] | None = None) -> int:

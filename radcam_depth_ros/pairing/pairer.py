@@ -109,7 +109,8 @@ class Pairer(Generic[ImageT, SweepT]):
         now_ns = self._advance(now_ns)
         ready = self._release(expired_before_ns=now_ns)
         time_ns = self._timeline.unwrap(0, stamp_ns, now_ns)
-        if any(time_ns == known.time_ns for known in (*self._waiting, *self._released)):
+        known_ns = [item.time_ns for item in self._waiting] + [item.time_ns for item in self._released]
+        if time_ns in known_ns:
             self._images["duplicates"] += 1
             return ready
         waiting = _Waiting(time_ns, stamp_ns, image, now_ns + self._max_wait_ns)

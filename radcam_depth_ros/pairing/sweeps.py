@@ -34,7 +34,7 @@ class Sweeps(Generic[SweepT]):
 
     Args:
         max_offset_ns: A sweep further away from an image than this is not its.
-        max_wait_ns: No sweep comes later after another one that was taken after it.
+        max_wait_ns: A sweep comes no more than this after one that was taken later.
     """
 
     def __init__(self, max_offset_ns: int, max_wait_ns: int) -> None:

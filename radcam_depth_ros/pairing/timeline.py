@@ -27,18 +27,21 @@ class Timeline:
         self._shift_ns = 0  # for streams after the last jump
         self._shift_before_ns = 0  # for those still before it
         self._jumped_ns: int | None = None  # arrival of the last jump
+        self._seam_ns = 0  # the stamp from which it went back
         self._shifts_ns = [0] * streams
         self._newest_ns: list[int | None] = [None] * streams  # stamps, since the stream's last jump
         self._arrived_ns = [0] * streams
 
     def unwrap(self, stream: int, stamp_ns: int, now_ns: int) -> int:
         """The stamp of a message that came at `now_ns`, on the time that goes on."""
-        newest_ns = self._newest_ns[stream]
         self._gather(stream, now_ns)
-        if newest_ns is None or self._newest_ns[stream] is None:
+        newest_ns = self._newest_ns[stream]
+        if newest_ns is None:
             self._shifts_ns[stream] = self._shift_ns
             newest_ns = stamp_ns
         elif abs(stamp_ns - newest_ns) > self.jump_ns:
+            if self._is_straggler(stream, stamp_ns, now_ns):
+                return stamp_ns + self._shift_before_ns
             newest_ns = self._follow_jump(stream, newest_ns, stamp_ns, now_ns)
         self._newest_ns[stream] = max(newest_ns, stamp_ns)
         self._arrived_ns[stream] = now_ns
@@ -63,11 +66,20 @@ class Timeline:
             return newest_ns  # a pause
         if self._shifts_ns[stream] == self._shift_ns:
             self.resets += 1
-            self._jumped_ns = now_ns
+            self._jumped_ns, self._seam_ns = now_ns, newest_ns
             self._shift_before_ns = self._shift_ns
             self._shift_ns += newest_ns - stamp_ns + _SEAM_GAP_NS
         self._shifts_ns[stream] = self._shift_ns
         return stamp_ns
+
+    def _is_straggler(self, stream: int, stamp_ns: int, now_ns: int) -> bool:
+        """Whether a message from before the last jump comes when its stream has jumped."""
+        return (
+            self._jumped_ns is not None
+            and now_ns - self._jumped_ns <= _SEAM_NS
+            and self._shifts_ns[stream] == self._shift_ns
+            and abs(stamp_ns - self._seam_ns) <= self.jump_ns
+        )
 
     def _is_among_others(self, stream: int, stamp_ns: int, shift_ns: int, now_ns: int) -> bool:
         return any(

@@ -71,7 +71,7 @@ class ParameterSpec:
         Raises:
             ParameterError: for a value of another type, out of range, or not among the choices.
         """
-        converted = _CONVERSIONS[self.type](value)
+        converted: Any = _CONVERSIONS[self.type](value)
         if converted is None:
             raise ParameterError(f"the parameter {self.name} must be {_WORDS[self.type]}, got {value!r}")
         if self.choices and converted not in self.choices:

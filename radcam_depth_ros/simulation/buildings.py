@@ -40,9 +40,15 @@ def town_block(rng: np.random.Generator, length: float, depth: float, height: fl
         shop = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), Texture.SHOP, 3.6)
         parts.append(_walls(length, depth, 0.0, ground, shop))
         if rng.random() < 0.4:
-            awning = Material(Surface.CANVAS, Label.BUILDING, _tone(rng, ((0.5, 0.08, 0.05), (0.1, 0.2, 0.1), (0.6, 0.5, 0.3))))
+            awning = Material(
+                Surface.CANVAS, Label.BUILDING, _tone(rng, ((0.5, 0.08, 0.05), (0.1, 0.2, 0.1), (0.6, 0.5, 0.3)))
+            )
             x = float(rng.uniform(0, length * 0.5))
-            parts.append(quads([[(x, 0, 3.1), (x + length * 0.4, 0, 3.1), (x + length * 0.4, -1.4, 2.6), (x, -1.4, 2.6)]], awning))
+            parts.append(
+                quads(
+                    [[(x, 0, 3.1), (x + length * 0.4, 0, 3.1), (x + length * 0.4, -1.4, 2.6), (x, -1.4, 2.6)]], awning
+                )
+            )
     if rng.random() < 0.45:
         parts.append(_pitched_roof(length, depth, top, float(rng.uniform(2.0, 4.5)), plain, overhang=0.4))
     else:
@@ -66,10 +72,16 @@ def house(rng: np.random.Generator, length: float, depth: float) -> Mesh:
     parts = [_walls(length, depth, 0.0, eaves, wall)]
     if rng.random() < 0.5:
         parts.append(_pitched_roof(length, depth, eaves, rise, roof, overhang=0.6))
-        gables = [[(x, 0, eaves), (x, depth, eaves), (x, depth / 2, eaves + rise), (x, depth / 2, eaves + rise)] for x in (0.0, length)]
+        gables = [
+            [(x, 0, eaves), (x, depth, eaves), (x, depth / 2, eaves + rise), (x, depth / 2, eaves + rise)]
+            for x in (0.0, length)
+        ]
     else:
         parts.append(_turned(_pitched_roof(depth, length, eaves, rise, roof, overhang=0.6)))
-        gables = [[(0, y, eaves), (length, y, eaves), (length / 2, y, eaves + rise), (length / 2, y, eaves + rise)] for y in (0.0, depth)]
+        gables = [
+            [(0, y, eaves), (length, y, eaves), (length / 2, y, eaves + rise), (length / 2, y, eaves + rise)]
+            for y in (0.0, depth)
+        ]
     parts.append(quads(gables, wall_trim(wall)))
     brick = Material(Surface.MASONRY, Label.BUILDING, (0.3, 0.14, 0.1))
     parts.append(box([0.6, 0.6, 1.6], [length * 0.3, depth * 0.42, eaves + rise], brick))
@@ -78,14 +90,33 @@ def house(rng: np.random.Generator, length: float, depth: float) -> Mesh:
 
 def hall(rng: np.random.Generator, length: float, depth: float, height: float) -> Mesh:
     """A warehouse or supermarket: sheet metal, few windows, letters on the front."""
-    cladding = Material(Surface.METAL, Label.BUILDING, _tone(rng, _WALLS), rng.choice([Texture.PLANKS, Texture.METAL, Texture.GRILLE]), 3.0)
-    parts = [_walls(length, depth, 0.0, height, cladding), box([length, depth, 0.3], [length / 2, depth / 2, height], wall_trim(cladding))]
+    cladding = Material(
+        Surface.METAL,
+        Label.BUILDING,
+        _tone(rng, _WALLS),
+        rng.choice([Texture.PLANKS, Texture.METAL, Texture.GRILLE]),
+        3.0,
+    )
+    parts = [
+        _walls(length, depth, 0.0, height, cladding),
+        box([length, depth, 0.3], [length / 2, depth / 2, height], wall_trim(cladding)),
+    ]
     if rng.random() < 0.7:
         shop = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), Texture.SHOP, 3.6)
         start, stop = np.sort(rng.uniform(0, length, 2))
-        parts.append(quads([[(start, -0.06, 0), (stop, -0.06, 0), (stop, -0.06, 3.6), (start, -0.06, 3.6)]], shop,
-                           [[(0, 1), ((stop - start) / 3.6, 1), ((stop - start) / 3.6, 0), (0, 0)]]))
-    board = Material(Surface.SIGN_FACE, Label.BUILDING, _tone(rng, ((0.6, 0.05, 0.04), (0.05, 0.1, 0.4), (0.8, 0.6, 0.05), (0.8, 0.8, 0.8))), Texture.SIGN)
+        parts.append(
+            quads(
+                [[(start, -0.06, 0), (stop, -0.06, 0), (stop, -0.06, 3.6), (start, -0.06, 3.6)]],
+                shop,
+                [[(0, 1), ((stop - start) / 3.6, 1), ((stop - start) / 3.6, 0), (0, 0)]],
+            )
+        )
+    board = Material(
+        Surface.SIGN_FACE,
+        Label.BUILDING,
+        _tone(rng, ((0.6, 0.05, 0.04), (0.05, 0.1, 0.4), (0.8, 0.6, 0.05), (0.8, 0.8, 0.8))),
+        Texture.SIGN,
+    )
     x = float(rng.uniform(0, length * 0.6))
     parts.append(box([length * 0.25, 0.2, 1.4], [x + length * 0.125, -0.1, height - 0.9], board))
     return join(parts)
@@ -119,8 +150,13 @@ def _pitched_roof(length: float, depth: float, eaves: float, rise: float, roof: 
 def _turned(mesh: Mesh) -> Mesh:
     order = [1, 0, 2]
     return Mesh(
-        np.ascontiguousarray(mesh.corners[..., order]), np.ascontiguousarray(mesh.normals[..., order]),
-        mesh.uv, mesh.colour, mesh.texture, mesh.surface, mesh.label,
+        np.ascontiguousarray(mesh.corners[..., order]),
+        np.ascontiguousarray(mesh.normals[..., order]),
+        mesh.uv,
+        mesh.colour,
+        mesh.texture,
+        mesh.surface,
+        mesh.label,
     )
 
 

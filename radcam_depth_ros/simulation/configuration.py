@@ -204,9 +204,7 @@ class ImagingRadarConfig:
         _check_radar("imaging_radar", self.rate_hz, self.max_points, self.max_range_m, self.missed, self.ghosts)
 
 
-def _check_radar(
-    name: str, rate_hz: float, max_points: int, max_range_m: float, missed: float, ghosts: float
-) -> None:
+def _check_radar(name: str, rate_hz: float, max_points: int, max_range_m: float, missed: float, ghosts: float) -> None:
     _require(rate_hz > 0, f"{name}.rate_hz must be positive, got {rate_hz}")
     _require(1 <= max_points <= 20000, f"{name}.max_points must be 1 to 20000, got {max_points}")
     _require(10 <= max_range_m <= 500, f"{name}.max_range_m must be 10 to 500, got {max_range_m}")
@@ -275,8 +273,8 @@ class SimulationConfig:
         imaging_radar: The 4D radar.
         lidar: The LiDAR.
         odometry: The odometry.
-        key_frames: Write of each sensor only the sweeps nearest before and after each image, so that images seconds
-            apart cost no sweeps that nobody pairs.
+        key_frames: Write of each sensor only the sweep nearest to each image, so that images seconds apart cost no
+            sweeps that nobody pairs.
         start_s: Time of the first image, seconds since 1970.
     """
 

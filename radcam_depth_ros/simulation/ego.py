@@ -62,10 +62,17 @@ class EgoDrive:
         lateral, speed_share = waves[0] + waves[1], min(1.0, self._speed / 5.0)
         s = float(self.s(time))
         x, y = self._path.position(s, self._offset + lateral * speed_share)
-        slopes = self._wander[:2] * 2 * np.pi / self._waves[:2] * np.cos(2 * np.pi * time / self._waves[:2] + self._phases[:2])
+        slopes = (
+            self._wander[:2]
+            * 2
+            * np.pi
+            / self._waves[:2]
+            * np.cos(2 * np.pi * time / self._waves[:2] + self._phases[:2])
+        )
         yaw = float(self._path.heading(s)) + float(slopes.sum()) * speed_share / max(self._speed, 5.0)
         return RigidTransform(
-            _rotation(yaw, float(waves[2]) * speed_share, float(waves[3]) * speed_share), np.array([float(x), float(y), 0.0])
+            _rotation(yaw, float(waves[2]) * speed_share, float(waves[3]) * speed_share),
+            np.array([float(x), float(y), 0.0]),
         )
 
     def motion(self, time: float) -> Motion:

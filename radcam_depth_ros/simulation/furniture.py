@@ -37,9 +37,8 @@ def traffic_sign(rng: np.random.Generator) -> Mesh:
     steel = _steel(0.35)
     height = float(rng.uniform(2.0, 2.9))
     parts = [tube(0.035, height + 0.35, steel, 6)]
-    for index in range(1 + int(rng.random() < 0.25)):
-        parts.append(_plate(rng, height - 0.75 * index))
-    return join(parts)
+    plates = [_plate(rng, height - 0.75 * index) for index in range(1 + int(rng.random() < 0.25))]
+    return join([*parts, *plates])
 
 
 def _plate(rng: np.random.Generator, height: float) -> Mesh:
@@ -57,9 +56,13 @@ def _plate(rng: np.random.Generator, height: float) -> Mesh:
         (0.72, -0.05, Material(Surface.SIGN_FACE, Label.TRAFFIC_SIGN, fill, Texture.SIGN)),
         (1.0, -0.04, back),
     ):
-        ring = np.column_stack([np.full(corners, x), radius * scale * np.cos(angle), height + radius * scale * np.sin(angle)])
+        ring = np.column_stack(
+            [np.full(corners, x), radius * scale * np.cos(angle), height + radius * scale * np.sin(angle)]
+        )
         centre = np.broadcast_to([x, 0.0, height], ring.shape)
-        layers.append(quads(np.stack([centre, ring, np.roll(ring, -1, axis=0), np.roll(ring, -1, axis=0)], 1), material))
+        layers.append(
+            quads(np.stack([centre, ring, np.roll(ring, -1, axis=0), np.roll(ring, -1, axis=0)], 1), material)
+        )
     return join(layers)
 
 
@@ -67,7 +70,9 @@ def board(rng: np.random.Generator) -> Mesh:
     """A direction board or an advertisement on two posts, facing -x."""
     width, height, low = float(rng.uniform(1.2, 4.0)), float(rng.uniform(0.9, 2.4)), float(rng.uniform(0.8, 2.8))
     colours = ((0.75, 0.55, 0.02), (0.02, 0.1, 0.45), (0.8, 0.8, 0.8), (0.1, 0.3, 0.12))
-    face = Material(Surface.SIGN_FACE, Label.TRAFFIC_SIGN, colours[int(rng.integers(4))], Texture.SIGN, max(width, height))
+    face = Material(
+        Surface.SIGN_FACE, Label.TRAFFIC_SIGN, colours[int(rng.integers(4))], Texture.SIGN, max(width, height)
+    )
     posts = [tube(0.06, low + height, _steel(0.3), 6).moved((0.08, side * width * 0.4, 0)) for side in (-1, 1)]
     return join([*posts, box([0.05, width, height], [0, 0, low + height / 2], face)])
 
@@ -76,7 +81,11 @@ def gantry(rng: np.random.Generator, span: float) -> Mesh:
     """A sign bridge over the road, from y = 0 to y = -span."""
     steel = _steel(0.4)
     face = Material(Surface.SIGN_FACE, Label.TRAFFIC_SIGN, (0.02, 0.08, 0.4), Texture.SIGN, 3.0)
-    parts = [tube(0.18, 7.0, steel, 8), tube(0.18, 7.0, steel, 8).moved((0, -span, 0)), box([0.3, span, 0.4], [0, -span / 2, 6.6], steel)]
+    parts = [
+        tube(0.18, 7.0, steel, 8),
+        tube(0.18, 7.0, steel, 8).moved((0, -span, 0)),
+        box([0.3, span, 0.4], [0, -span / 2, 6.6], steel),
+    ]
     for _ in range(int(rng.integers(1, 4))):
         width = float(rng.uniform(2.5, 4.5))
         parts.append(box([0.06, width, 2.4], [-0.25, -float(rng.uniform(width / 2, span - width / 2)), 6.6], face))
@@ -113,16 +122,20 @@ def bollard(rng: np.random.Generator) -> Mesh:
 def litter_bin(rng: np.random.Generator) -> Mesh:
     """A wheeled bin or a grey cabinet."""
     tone = rng.uniform(0.02, 0.3)
-    look = Material(Surface.CANVAS, Label.IGNORE, (float(tone * rng.uniform(0.5, 1.2)), float(tone), float(tone * rng.uniform(0.4, 1.2))))
+    look = Material(
+        Surface.CANVAS,
+        Label.IGNORE,
+        (float(tone * rng.uniform(0.5, 1.2)), float(tone), float(tone * rng.uniform(0.4, 1.2))),
+    )
     size = rng.uniform([0.4, 0.4, 0.9], [0.9, 0.7, 1.4])
-    return box(size, [0, 0, size[2] / 2], look, (1.0, 1.0))
+    return box(size.tolist(), [0, 0, float(size[2]) / 2], look)
 
 
 def shelter(rng: np.random.Generator) -> Mesh:
     """A bus stop open towards -y."""
     steel = Material(Surface.METAL, Label.BUILDING, (0.15, 0.15, 0.16))
     glass = Material(Surface.GLASS, Label.BUILDING, (0.10, 0.12, 0.12))
-    poster = Material(Surface.SIGN_FACE, Label.BUILDING, tuple(rng.uniform(0.1, 0.8, 3)), Texture.SIGN)  # type: ignore[arg-type]
+    poster = Material(Surface.SIGN_FACE, Label.BUILDING, tuple(rng.uniform(0.1, 0.8, 3)), Texture.SIGN)
     return join(
         [
             box([4.2, 1.6, 0.12], [0, 0.7, 2.5], steel),
@@ -141,8 +154,15 @@ def picket_fence(rng: np.random.Generator, length: float, height: float) -> Mesh
     x = np.arange(0, length, pitch)[:, None]
     width = pitch * float(rng.uniform(0.3, 0.65))
     zero, one = np.zeros_like(x), np.ones_like(x)
-    pickets = np.stack([np.hstack([x, zero, zero]), np.hstack([x + width, zero, zero]),
-                        np.hstack([x + width, zero, one * height]), np.hstack([x, zero, one * height])], 1)
+    pickets = np.stack(
+        [
+            np.hstack([x, zero, zero]),
+            np.hstack([x + width, zero, zero]),
+            np.hstack([x + width, zero, one * height]),
+            np.hstack([x, zero, one * height]),
+        ],
+        1,
+    )
     rails = [box([length, 0.05, 0.08], [length / 2, 0.03, height * share], wood) for share in (0.25, 0.8)]
     return join([quads(pickets, wood), *rails])
 
@@ -168,7 +188,12 @@ def guard_rail(length: float) -> Mesh:
     heights = np.array([0.45, 0.52, 0.60, 0.68, 0.75])
     offset = np.array([0.0, -0.08, 0.0, -0.08, 0.0])
     faces = [
-        [(0, offset[i], heights[i]), (length, offset[i], heights[i]), (length, offset[i + 1], heights[i + 1]), (0, offset[i + 1], heights[i + 1])]
+        [
+            (0, offset[i], heights[i]),
+            (length, offset[i], heights[i]),
+            (length, offset[i + 1], heights[i + 1]),
+            (0, offset[i + 1], heights[i + 1]),
+        ]
         for i in range(4)
     ]
     posts = [box([0.1, 0.06, 0.7], [x, 0.08, 0.35], steel) for x in np.arange(0.5, length, 4.0)]
@@ -198,11 +223,30 @@ def pylon() -> Mesh:
         for sx in (-1, 1):
             for sy in (-1, 1):
                 parts.append(
-                    quads([[(sx * wide - 0.1, sy * wide, z), (sx * wide + 0.1, sy * wide, z),
-                            (sx * narrow + 0.1, sy * narrow, z + 4), (sx * narrow - 0.1, sy * narrow, z + 4)]], steel)
+                    quads(
+                        [
+                            [
+                                (sx * wide - 0.1, sy * wide, z),
+                                (sx * wide + 0.1, sy * wide, z),
+                                (sx * narrow + 0.1, sy * narrow, z + 4),
+                                (sx * narrow - 0.1, sy * narrow, z + 4),
+                            ]
+                        ],
+                        steel,
+                    )
                 )
                 parts.append(
-                    quads([[(sx * wide, sy * wide, z), (sx * wide, sy * wide + 0.14, z), (sx * narrow, -sy * narrow + 0.14, z + 4), (sx * narrow, -sy * narrow, z + 4)]], steel)
+                    quads(
+                        [
+                            [
+                                (sx * wide, sy * wide, z),
+                                (sx * wide, sy * wide + 0.14, z),
+                                (sx * narrow, -sy * narrow + 0.14, z + 4),
+                                (sx * narrow, -sy * narrow, z + 4),
+                            ]
+                        ],
+                        steel,
+                    )
                 )
     parts += [box([0.3, 12.0 - 2 * k, 0.3], [0, 0, 18 + 4 * k], steel) for k in range(3)]
     return join(parts)

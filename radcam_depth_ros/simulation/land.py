@@ -57,7 +57,9 @@ def _houses(stretch: Stretch, sign: int) -> None:
         length, depth = float(rng.uniform(8, 14)), float(rng.uniform(8, 12))
         if not stretch.crosses(s, s + length):
             house = buildings.house(rng, length, depth)
-            stretch.place_facing_road(house, sign, _along(stretch, sign, s, length), setback * float(rng.uniform(0.9, 1.3)), depth)
+            stretch.place_facing_road(
+                house, sign, _along(stretch, sign, s, length), setback * float(rng.uniform(0.9, 1.3)), depth
+            )
         s += length + float(rng.uniform(3, 12))
     _boundary(stretch, sign)
     _trees(stretch, sign, int(rng.integers(1, 7)), 1.5, max(style.setback_m, 4.0))
@@ -90,9 +92,9 @@ def _forest(stretch: Stretch, sign: int) -> None:
     style, rng = stretch.style, stretch.rng
     side, edge = stretch.side(sign)
     start = float(rng.uniform(2.5, 9.0))
-    for row in range(5):
-        depth = start + row * 3.2
-        pitch = 3.4 + 0.5 * row
+    for row in range(3):
+        depth = start + row * 3.6
+        pitch = 3.6 + 0.7 * row
         for s in np.arange(stretch.start_m, stretch.stop_m, pitch):
             at, out = float(s + rng.normal(0, 1)), depth + float(rng.normal(0, 0.9))
             if stretch.crosses(at, at):
@@ -105,9 +107,11 @@ def _forest(stretch: Stretch, sign: int) -> None:
     tone = float(rng.uniform(0.2, 0.6))
     r, g, b = style.twig if style.bare > 0.5 and style.conifers < 0.3 else style.foliage
     dark = Material(Surface.FOLIAGE, Label.VEGETATION, (r * tone, g * tone, b * tone), Texture.LEAF, 5.0)
-    back = edge + side.land_m + start + 17.0
-    z = float(stretch.ground_m(sign, stretch.start_m + 25, start + 17.0))
-    stretch.strip(sign * back, sign * (back + 2.5), (z - 1.0, z + float(rng.uniform(6, 11))), dark)
+    back = edge + side.land_m + start + 13.0
+    s = np.linspace(stretch.start_m, stretch.stop_m, 18)
+    foot = stretch.ground_m(sign, s, start + 13.0) - 1.0
+    crown = foot + 1.0 + rng.uniform(3.0, 7.0, len(s)) * np.clip(4 - 4 * np.abs(np.linspace(-1, 1, len(s))), 0.3, 1)
+    stretch.grid(s, sign * np.array([back, back + 0.8]), np.stack([foot, crown], 1), dark)
     _bushes(stretch, sign, 16, start - 1.5, start + 2.0)
 
 
@@ -128,7 +132,9 @@ def _field(stretch: Stretch, sign: int) -> None:
     if rng.random() < 0.3:
         _bushes(stretch, sign, 14, 2.0, 4.0)
     if rng.random() < 0.12:
-        stretch.place(furniture.pylon(), stretch.start_m + 20, sign * (edge + float(rng.uniform(30, 80))), -0.3, np.pi / 2 * 0)
+        stretch.place(
+            furniture.pylon(), stretch.start_m + 20, sign * (edge + float(rng.uniform(30, 80))), -0.3, np.pi / 2 * 0
+        )
     _tree_line(stretch, sign)
 
 
@@ -141,7 +147,9 @@ def _halls(stretch: Stretch, sign: int) -> None:
         hall = buildings.hall(rng, length, float(rng.uniform(15, 35)), float(rng.uniform(4, 11)))
         stretch.place_facing_road(hall, sign, _along(stretch, sign, stretch.start_m, length), setback, 20.0)
     tone = stretch.style.asphalt * float(rng.uniform(0.7, 1.6))
-    lot = Material(Surface.ASPHALT, Label.ROAD if rng.random() < 0.3 else Label.TERRAIN, (tone, tone, tone), Texture.ASPHALT, 6.0)
+    lot = Material(
+        Surface.ASPHALT, Label.ROAD if rng.random() < 0.3 else Label.TERRAIN, (tone, tone, tone), Texture.ASPHALT, 6.0
+    )
     near, far = edge + side.land_m + 2.0, edge + setback - 1.0
     s = np.linspace(stretch.start_m, stretch.stop_m, 11)
     t = np.linspace(near, far, 4)
@@ -152,13 +160,15 @@ def _halls(stretch: Stretch, sign: int) -> None:
             if rng.random() < 0.6 and not stretch.crosses(float(position), float(position)):
                 out = side.land_m + 5.5
                 z = float(stretch.ground_m(sign, position, out - side.land_m)) + 0.05
-                car = stretch.library.draw_car(rng)
+                car = stretch.library.draw_parked(rng)
                 turned = float(rng.choice([-1.0, 1.0])) * np.pi / 2 + float(rng.normal(0, 0.03))
-                stretch.place(car.mesh, float(position), sign * (edge + out), z, turned)
+                stretch.place(car, float(position), sign * (edge + out), z, turned)
     _trees(stretch, sign, 2, 1.0, 2.5)
     if rng.random() < 0.4:
         height = float(rng.uniform(1.2, 2.2))
-        stretch.place(furniture.picket_fence(rng, STRETCH_M, height), stretch.start_m, sign * (edge + side.land_m + 0.8), 0.1)
+        stretch.place(
+            furniture.picket_fence(rng, STRETCH_M, height), stretch.start_m, sign * (edge + side.land_m + 0.8), 0.1
+        )
 
 
 def _park(stretch: Stretch, sign: int) -> None:
@@ -189,7 +199,14 @@ def _tree_line(stretch: Stretch, sign: int) -> None:
     for s in np.arange(stretch.start_m, stretch.stop_m, float(rng.uniform(3.5, 9))):
         plant = stretch.library.draw_tree(rng, style)
         z = float(stretch.ground_m(sign, s, out)) - 0.2
-        stretch.place(plant.far, float(s), sign * (edge + side.land_m + out + float(rng.normal(0, 2))), z, rng.uniform(0, 6.28), rng.uniform(0.9, 1.5))
+        stretch.place(
+            plant.far,
+            float(s),
+            sign * (edge + side.land_m + out + float(rng.normal(0, 2))),
+            z,
+            rng.uniform(0, 6.28),
+            rng.uniform(0.9, 1.5),
+        )
 
 
 def _trees(stretch: Stretch, sign: int, count: int, low: float, high: float) -> None:

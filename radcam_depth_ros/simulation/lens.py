@@ -7,6 +7,9 @@ import numpy as np
 
 from radcam_depth_ros.frame import FloatArray, ImageArray
 
+_BRIGHTEST = 16.0
+_STEPS = 4096
+
 
 class Lens:
     """The optics, sensor and processing of one camera, drawn once; frames differ by exposure control and noise."""
@@ -16,9 +19,9 @@ class Lens:
         self._metering = float(rng.uniform(0.5, 1.0))
         self._balance = np.exp(rng.normal(0, [0.06, 0.02, 0.08])).astype(np.float32)
         self._saturation = float(rng.uniform(0.55, 1.25))
-        self._gamma = float(rng.uniform(1.9, 2.5))
-        self._filmic = float(rng.choice([0.0, 0.5, 1.0]))
-        self._black = float(rng.uniform(-0.02, 0.04))
+        self._tone = _tone_curve(
+            float(rng.uniform(1.9, 2.5)), float(rng.choice([0.0, 0.5, 1.0])), float(rng.uniform(-0.02, 0.04))
+        )
         self._blur = float(rng.choice([0.0, rng.uniform(0.3, 0.6), rng.uniform(0.6, 1.1)], p=[0.3, 0.5, 0.2]))
         self._sharpen = float(rng.uniform(0, 0.8)) if rng.random() < 0.4 else 0.0
         self._shot, self._read = float(rng.uniform(0.002, 0.02)), float(rng.uniform(0.001, 0.012))
@@ -30,7 +33,7 @@ class Lens:
     def develop(self, radiance: FloatArray, rng: np.random.Generator) -> ImageArray:
         """The picture (H, W, 3) uint8 RGB of linear radiance (H, W, 3)."""
         height = len(radiance)
-        luminance = radiance @ np.float32([0.25, 0.6, 0.15])
+        luminance = radiance @ np.array([0.25, 0.6, 0.15], np.float32)
         # Exposure control looks at all of the picture, or, like many cameras in vehicles, rather at the road.
         metered = luminance[int(height * (1 - self._metering)) :: 4, ::4]
         exposure = self._key / np.exp(np.log(np.maximum(metered, 1e-3)).mean()) * np.exp(rng.normal(0, 0.08))
@@ -44,22 +47,22 @@ class Lens:
         light = np.maximum(light, 0)
         grey = light.mean(axis=-1, keepdims=True)
         light = np.maximum(grey + (light - grey) * np.float32(self._saturation), 0)
-        tone = _gamma(np.minimum(light, 1), self._gamma) * (1 - self._filmic)
-        if self._filmic > 0:
-            # A rational curve with a toe and a shoulder (K. Narkowicz's fit to ACES).
-            curve = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
-            tone = tone + _gamma(np.minimum(curve, 1), self._gamma) * self._filmic
-        picture = (tone * (1 - self._black) + self._black) * 255
+        # The square root spends the table's entries where the curve is steep.
+        picture = self._tone[(np.sqrt(np.minimum(light, _BRIGHTEST)) * _STEPS).astype(np.uint16)]
         if self._sharpen > 0:
             picture = picture + self._sharpen * (picture - cv2.GaussianBlur(picture, (0, 0), 1.0))
         return np.asarray(np.clip(picture + 0.5, 0, 255), np.uint8)
 
 
-def _gamma(light: FloatArray, gamma: float) -> FloatArray:
-    """light ** (1 / gamma) by a table: a power for each pixel would take as long as rendering it."""
-    table = (np.arange(4097, dtype=np.float32) / 4096) ** np.float32(1 / gamma)
-    position = np.sqrt(light) * np.float32(4095)
-    index = position.astype(np.int32)
-    squares = np.square(np.arange(4097, dtype=np.float32) / 4095) ** np.float32(1 / gamma)
-    del table
-    return np.asarray(squares[index] + (squares[index + 1] - squares[index]) * (position - index), np.float32)
+def _tone_curve(gamma: float, filmic: float, black: float) -> FloatArray:
+    """Picture values 0 to 255 by the square root of light.
+
+    Args:
+        gamma: The curve's power.
+        filmic: Share of a curve with a toe and a shoulder (K. Narkowicz's fit to ACES); the rest clips.
+        black: Where black ends up, as a share of white.
+    """
+    light = np.square(np.arange(int(np.sqrt(_BRIGHTEST) * _STEPS) + 1) / _STEPS)
+    curve = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
+    tone = np.minimum(light, 1) ** (1 / gamma) * (1 - filmic) + np.minimum(curve, 1) ** (1 / gamma) * filmic
+    return np.asarray((tone * (1 - black) + black) * 255, np.float32)

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from radcam_depth_ros.simulation.bicycles import build_bicycle
 from radcam_depth_ros.simulation.mesh import Mesh
 from radcam_depth_ros.simulation.people import Walker, build_walker
 from radcam_depth_ros.simulation.plants import Plant, PlantKind, build_plant
 from radcam_depth_ros.simulation.style import StreetStyle
 from radcam_depth_ros.simulation.surfaces import Surface
-from radcam_depth_ros.simulation.vehicles import Vehicle, VehicleKind, build_bicycle, build_vehicle, paint
+from radcam_depth_ros.simulation.vehicle_parts import Vehicle, VehicleKind
+from radcam_depth_ros.simulation.vehicles import build_vehicle, paint, with_lamps_off
 
 _CARS = (VehicleKind.HATCHBACK, VehicleKind.SALOON, VehicleKind.ESTATE, VehicleKind.SUV)
 
@@ -39,6 +41,10 @@ class Library:
     def draw_car(self, rng: np.random.Generator) -> Vehicle:
         """A car of any colour."""
         return repainted(self.cars[int(rng.integers(len(self.cars)))], rng)
+
+    def draw_parked(self, rng: np.random.Generator, large: float = 0.0) -> Mesh:
+        """A parked vehicle of any colour; `large` is the share of vans, trucks and buses."""
+        return with_lamps_off(self.draw_vehicle(rng, large).mesh)
 
     def draw_vehicle(self, rng: np.random.Generator, large: float) -> Vehicle:
         """A vehicle of any colour; `large` is the share of vans, trucks and buses."""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.surfaces import Material, Surface
+from radcam_depth_ros.simulation.surfaces import Label, Material, Surface
 
 ByteArray = npt.NDArray[np.uint8]
 
@@ -53,7 +53,8 @@ class Mesh:
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]], np.float32)
         pivot = np.array([0.0, 0.0, pivot_z], np.float32)
-        return replace(self, corners=(self.corners - pivot) @ turn + pivot, normals=self.normals @ turn)
+        corners = np.asarray((self.corners - pivot) @ turn + pivot, np.float32)
+        return replace(self, corners=corners, normals=self.normals @ turn)
 
     def recoloured(self, surface: Surface, colour: npt.ArrayLike) -> Mesh:
         """The mesh with all faces of one surface in another colour."""
@@ -68,8 +69,10 @@ class Mesh:
 def join(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh of several, in order; of none, an empty one."""
     if not meshes:
-        return _from_corners(np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), Material(Surface.METAL, 255))  # type: ignore[arg-type]
-    return Mesh(**{field.name: np.concatenate([getattr(mesh, field.name) for mesh in meshes]) for field in fields(Mesh)})
+        return _from_corners(np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), Material(Surface.METAL, Label.IGNORE))
+    return Mesh(
+        **{field.name: np.concatenate([getattr(mesh, field.name) for mesh in meshes]) for field in fields(Mesh)}
+    )
 
 
 def quads(corners: npt.ArrayLike, material: Material, uv: npt.ArrayLike | None = None) -> Mesh:
@@ -127,7 +130,10 @@ def prism(
     reach = np.clip(np.abs(outline[:, 0] - middle) / max(np.ptp(outline[:, 0]) / 2, 1e-9), 0, 1) ** 4
     push = -np.sign(outline[:, 0] - middle) * reach * bulge
     rows = np.stack(
-        [np.column_stack([outline[:, 0] + (push if abs(lane) > 0.9 else 0), lane * half, outline[:, 1]]) for lane in lanes]
+        [
+            np.column_stack([outline[:, 0] + (push if abs(lane) > 0.9 else 0), lane * half, outline[:, 1]])
+            for lane in lanes
+        ]
     )
     after = np.roll(rows, -1, axis=1)
     skin = np.stack([rows[:-1], after[:-1], after[1:], rows[1:]], axis=2).reshape(-1, 4, 3)
@@ -136,13 +142,13 @@ def prism(
         centre = np.broadcast_to(side.mean(axis=0), side.shape)
         fan = (centre, side, np.roll(side, -1, axis=0))
         caps.append(np.stack([fan[k] for k in order], axis=1))
-    mesh = quads(np.concatenate([skin, *caps]), material)
-    area = np.linalg.norm(np.cross(mesh.corners[:, 1] - mesh.corners[:, 0], mesh.corners[:, 2] - mesh.corners[:, 0]), axis=1)
-    return selected(mesh, area > 1e-7)
+    return _without_slivers(quads(np.concatenate([skin, *caps]), material))
 
 
-def selected(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
-    """The faces that a mask (F,) names."""
+def _without_slivers(mesh: Mesh) -> Mesh:
+    """Without the faces of no area that remain where corners of a quad meet."""
+    edges = mesh.corners[:, 1:] - mesh.corners[:, :1]
+    keep = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-7
     return Mesh(**{field.name: getattr(mesh, field.name)[keep] for field in fields(Mesh)})
 
 
@@ -172,7 +178,7 @@ def revolved(
     uv = np.stack(
         np.broadcast_arrays((angle / (2 * np.pi) * length)[None], (outline[:, 1] / material.tile_m)[:, None]), -1
     )
-    return sheet(points * stretch, material, uv, normal / stretch)
+    return _without_slivers(sheet(points * stretch, material, uv, normal / stretch))
 
 
 def tube(radius: float, length: float, material: Material, sections: int = 8, top_radius: float | None = None) -> Mesh:
@@ -183,7 +189,9 @@ def tube(radius: float, length: float, material: Material, sections: int = 8, to
     return join([side, lid])
 
 
-def ball(radius: float, centre: Sequence[float], material: Material, scale: Sequence[float] = (1, 1, 1), sections: int = 8) -> Mesh:
+def ball(
+    radius: float, centre: Sequence[float], material: Material, scale: Sequence[float] = (1, 1, 1), sections: int = 8
+) -> Mesh:
     """A sphere, stretched about its centre."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, max(sections // 2, 3) + 1)
     shape = revolved(np.column_stack([np.cos(angle), np.sin(angle)]) * radius, material, sections, scale)

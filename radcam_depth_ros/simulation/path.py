@@ -40,7 +40,7 @@ class Path:
 
     def heading(self, s: npt.ArrayLike) -> DoubleArray:
         """Direction at `s`, radians from x to the left."""
-        return np.asarray(np.interp(s, self._s, self._heading), np.float64)
+        return np.asarray(np.interp(np.asarray(s, np.float64), self._s, self._heading), np.float64)
 
     def position(self, s: npt.ArrayLike, t: npt.ArrayLike) -> DoubleArray:
         """World x and y, (..., 2) float64, of places along and beside the line."""

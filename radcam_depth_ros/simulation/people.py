@@ -42,13 +42,13 @@ def build_walker(rng: np.random.Generator) -> Walker:
     girth = float(rng.uniform(0.85, 1.2))
     size = float(rng.uniform(0.92, 1.08)) * (0.68 if rng.random() < 0.12 else 1.0)
     trunk = [
-        ball(0.25, (0, 0, 1.18), coat, (0.58 * girth, 0.86 * girth, 1.3 * long_coat)),
+        ball(0.25, (0, 0, 1.18), coat, (0.58 * girth, 0.86 * girth, 1.3 * long_coat), 8),
         ball(0.09, (0, 0, 1.49), bare, (0.8, 0.8, 1.2), 6),
-        ball(0.105, (0.01, 0, 1.64), bare, (1, 0.88, 1.22)),
-        ball(0.112, (-0.015, 0, 1.67), hair, (1, 0.92, 1.1)),
+        ball(0.105, (0.01, 0, 1.64), bare, (1, 0.88, 1.22), 6),
+        ball(0.112, (-0.015, 0, 1.67), hair, (1, 0.92, 1.1), 6),
     ]
     if rng.random() < 0.3:
-        bag = Material(Surface.CLOTH, Label.PERSON, tuple(rng.uniform(0.02, 0.4, 3)), Texture.CLOTH, 0.6)  # type: ignore[arg-type]
+        bag = Material(Surface.CLOTH, Label.PERSON, tuple(rng.uniform(0.02, 0.4, 3)), Texture.CLOTH, 0.6)
         trunk.append(box([0.16, 0.3, 0.42], [-0.2, 0, 1.22], bag))
     limbs = [_limb(legs, side * 0.1, 0.0, 0.88, 0.085, 0.06) for side in (-1, 1)]
     arms = [_limb(coat, side * 0.27, 0.78, 1.42, 0.055, 0.045) for side in (-1, 1)]
@@ -67,8 +67,8 @@ def build_walker(rng: np.random.Generator) -> Walker:
 def _limb(material: Material, y: float, low: float, high: float, thick: float, thin: float) -> Mesh:
     shoe = Material(Surface.CLOTH, Label.PERSON, (0.03, 0.03, 0.03))
     middle, half = (low + high) / 2, (high - low) / 2
-    parts = [ball(half, (0, y, middle), material, (thick / half, thick / half, 1.0), 6)]
+    parts = [ball(half, (0, y, middle), material, (thick / half, thick / half, 1.0), 5)]
     if low < 0.1:
-        parts.append(ball(0.1, (0.05, y, 0.05), shoe, (1.4, 0.5, 0.5), 6))
-        parts.append(ball(0.2, (0, y, 0.25), material, (thin / 0.2, thin / 0.2, 1.2), 6))
+        parts.append(ball(0.1, (0.05, y, 0.05), shoe, (1.4, 0.5, 0.5), 5))
+        parts.append(ball(0.2, (0, y, 0.25), material, (thin / 0.2, thin / 0.2, 1.2), 5))
     return join(parts)

@@ -55,11 +55,13 @@ def build_plant(rng: np.random.Generator, kind: PlantKind, colour: tuple[float, 
     return _bush(rng, colour, bare=kind is PlantKind.BARE_BUSH)
 
 
-def hedge(rng: np.random.Generator, length: float, width: float, height: float, colour: tuple[float, float, float]) -> Mesh:
+def hedge(
+    rng: np.random.Generator, length: float, width: float, height: float, colour: tuple[float, float, float]
+) -> Mesh:
     """A clipped hedge along x, from the origin on: a dark core in a coat of leaves."""
     core = Material(Surface.FOLIAGE, Label.VEGETATION, tuple(0.6 * c for c in colour), Texture.HEDGE, 1.5)  # type: ignore[arg-type]
     inner = box([length, width, height], [length / 2, 0, height / 2], core)
-    count = int(min(30 * length, 500))
+    count = int(14 * length)
     side = rng.integers(0, 3, count)
     across = np.where(side == 0, -width / 2, np.where(side == 1, width / 2, rng.uniform(-width / 2, width / 2, count)))
     up = np.where(side == 2, height, rng.uniform(0, height, count))
@@ -78,7 +80,11 @@ def _bark(rng: np.random.Generator) -> Material:
 
 
 def _leaves(
-    rng: np.random.Generator, centres: npt.NDArray[np.floating], outward: npt.NDArray[np.floating], size: float, leaf: Material
+    rng: np.random.Generator,
+    centres: npt.NDArray[np.floating],
+    outward: npt.NDArray[np.floating],
+    size: float,
+    leaf: Material,
 ) -> Mesh:
     """Faces at random angles whose shading normals point outwards: soft like a crown, rough at its edge."""
     count = len(centres)
@@ -87,8 +93,15 @@ def _leaves(
     second = np.cross(first, rng.standard_normal((count, 3)))
     second /= np.linalg.norm(second, axis=1, keepdims=True) + 1e-9
     half = size * rng.uniform(0.6, 1.3, (count, 1))
-    corners = np.stack([centres - first * half, centres - second * half * 0.7, centres + first * half, centres + second * half * 0.7], 1)
-    mesh = quads(corners, leaf, (rng.uniform(0, 1, (count, 1, 2)) + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size / leaf.tile_m))
+    corners = np.stack(
+        [centres - first * half, centres - second * half * 0.7, centres + first * half, centres + second * half * 0.7],
+        1,
+    )
+    mesh = quads(
+        corners,
+        leaf,
+        (rng.uniform(0, 1, (count, 1, 2)) + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size / leaf.tile_m),
+    )
     normal = outward + 0.35 * rng.standard_normal((count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     shade = np.repeat(rng.uniform(0.6, 1.3, (count, 1)), 2, axis=0)
@@ -118,8 +131,10 @@ def _broadleaf(rng: np.random.Generator, colour: tuple[float, float, float]) -> 
     count = int(rng.integers(5, 9))
     blobs = np.column_stack(
         [
-            rng.normal(0, spread * 0.45, count), rng.normal(0, spread * 0.45, count),
-            rng.uniform(trunk + spread * 0.3, height - spread * 0.4, count), rng.uniform(0.45, 0.8, count) * spread,
+            rng.normal(0, spread * 0.45, count),
+            rng.normal(0, spread * 0.45, count),
+            rng.uniform(trunk + spread * 0.3, height - spread * 0.4, count),
+            rng.uniform(0.45, 0.8, count) * spread,
         ]
     )
     blobs[0] = (0, 0, middle, spread * 0.8)
@@ -162,7 +177,9 @@ def _bare(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant
                 direction = (ends[parent] - starts[parent]) / np.linalg.norm(ends[parent] - starts[parent])
                 direction = direction + rng.normal(0, 0.55, 3) + np.array([0, 0, 0.25])
                 starts.append(base)
-                ends.append(base + direction / np.linalg.norm(direction) * height * 0.32 * 0.72**depth * rng.uniform(0.7, 1.3))
+                ends.append(
+                    base + direction / np.linalg.norm(direction) * height * 0.32 * 0.72**depth * rng.uniform(0.7, 1.3)
+                )
                 widths.append(widths[parent] * 0.55)
                 order.append(depth)
     segments = np.stack([np.array(starts), np.array(ends)], 1)
@@ -170,7 +187,10 @@ def _bare(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant
     bark = _bark(rng)
     level = np.array(order)
     near = [_sticks(segments, thickness, bark), _twigs(rng, segments[level == 3], 5, 0.012, height, bark, colour)]
-    far = [_sticks(segments[level < 3], thickness[level < 3], bark), _twigs(rng, segments[level == 2], 5, 0.03, height, bark, colour)]
+    far = [
+        _sticks(segments[level < 3], thickness[level < 3], bark),
+        _twigs(rng, segments[level == 2], 5, 0.03, height, bark, colour),
+    ]
     return Plant(join(near), join(far), height)
 
 
@@ -184,7 +204,9 @@ def _sticks(segments: npt.NDArray[np.floating], width: npt.NDArray[np.floating],
     faces = []
     for across in (first, second):
         low, high = across * width[:, None], across * width[:, None] * 0.6
-        faces.append(np.stack([segments[:, 0] - low, segments[:, 0] + low, segments[:, 1] + high, segments[:, 1] - high], 1))
+        faces.append(
+            np.stack([segments[:, 0] - low, segments[:, 0] + low, segments[:, 1] + high, segments[:, 1] - high], 1)
+        )
     return quads(np.concatenate(faces), material)
 
 
@@ -212,6 +234,7 @@ def _bush(rng: np.random.Generator, colour: tuple[float, float, float], bare: bo
     radius = height * rng.uniform(0.3, 0.5, count)
     blobs = np.column_stack([rng.normal(0, height * 0.4, (count, 2)), height - radius * 1.05, radius])
     if bare:
+
         def stalks(count: int, width: float) -> FloatArray | npt.NDArray[np.floating]:
             base = np.column_stack([rng.normal(0, 0.25 * height, (count, 2)), np.zeros(count)])
             tip = base * rng.uniform(1.2, 2.2, (count, 1)) + np.column_stack(

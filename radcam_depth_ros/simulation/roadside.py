@@ -9,6 +9,7 @@ from radcam_depth_ros.simulation.configuration import StreetKind
 from radcam_depth_ros.simulation.mesh import Mesh
 from radcam_depth_ros.simulation.street import STRETCH_M, Stretch
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.vehicles import with_lamps_off
 
 
 def furnish(stretch: Stretch) -> None:
@@ -69,7 +70,7 @@ def _parked(stretch: Stretch, sign: int) -> None:
         if rng.random() < side.parked and not stretch.crosses(s, s + length) and s + length < stretch.stop_m + 2:
             turned = np.pi if (sign > 0) != (rng.random() < 0.12) else 0.0
             t = sign * (edge + side.parking_m / 2 + float(rng.normal(0, 0.08)))
-            stretch.place(car.mesh, s + length / 2, t, 0.0, turned + float(rng.normal(0, 0.015)))
+            stretch.place(with_lamps_off(car.mesh), s + length / 2, t, 0.0, turned + float(rng.normal(0, 0.015)))
         s += length
 
 
@@ -85,7 +86,13 @@ def _lamps(stretch: Stretch, sign: int) -> None:
     pitch = float(rng.uniform(24, 45))
     for s in np.arange(np.ceil(stretch.start_m / pitch) * pitch, stretch.stop_m, pitch):
         if not stretch.crosses(float(s), float(s)):
-            stretch.place(item, float(s), sign * (edge + side.parking_m + 0.5), style.kerb_m * (side.walk_m > 0), 0.0 if sign > 0 else np.pi)
+            stretch.place(
+                item,
+                float(s),
+                sign * (edge + side.parking_m + 0.5),
+                style.kerb_m * (side.walk_m > 0),
+                0.0 if sign > 0 else np.pi,
+            )
 
 
 def _street_trees(stretch: Stretch, sign: int) -> None:
@@ -93,12 +100,25 @@ def _street_trees(stretch: Stretch, sign: int) -> None:
     style, rng = stretch.style, stretch.rng
     if side.tree_spacing_m <= 0:
         return
-    offset = side.parking_m + (side.verge_m / 2 if side.verge_m > 0.3 else 0.8) if side.walk_m > 0 else float(rng.uniform(2.5, 5))
-    for s in np.arange(np.ceil(stretch.start_m / side.tree_spacing_m) * side.tree_spacing_m, stretch.stop_m, side.tree_spacing_m):
+    offset = (
+        side.parking_m + (side.verge_m / 2 if side.verge_m > 0.3 else 0.8)
+        if side.walk_m > 0
+        else float(rng.uniform(2.5, 5))
+    )
+    for s in np.arange(
+        np.ceil(stretch.start_m / side.tree_spacing_m) * side.tree_spacing_m, stretch.stop_m, side.tree_spacing_m
+    ):
         if rng.random() < 0.85 and not stretch.crosses(float(s), float(s)):
             plant = stretch.library.draw_tree(rng, style)
             z = float(stretch.ground_m(sign, s, offset - side.land_m)) - 0.03
-            stretch.place(plant.near, float(s + rng.normal(0, 0.4)), sign * (edge + offset), z, rng.uniform(0, 6.28), rng.uniform(0.75, 1.15))
+            stretch.place(
+                plant.near,
+                float(s + rng.normal(0, 0.4)),
+                sign * (edge + offset),
+                z,
+                rng.uniform(0, 6.28),
+                rng.uniform(0.75, 1.15),
+            )
 
 
 def _signs(stretch: Stretch, sign: int) -> None:
@@ -138,7 +158,9 @@ def _small_things(stretch: Stretch, sign: int) -> None:
         if not stretch.crosses(s, s):
             stretch.place(item, s, sign * (edge + side.land_m - 0.4), lift, np.pi / 2 + float(rng.normal(0, 0.1)))
     if rng.random() < 0.06:
-        stretch.place(furniture.shelter(rng), spot + 6, sign * (edge + side.parking_m + 1.2), lift, 0.0 if sign > 0 else np.pi)
+        stretch.place(
+            furniture.shelter(rng), spot + 6, sign * (edge + side.parking_m + 1.2), lift, 0.0 if sign > 0 else np.pi
+        )
 
 
 def _standing(stretch: Stretch, sign: int) -> None:

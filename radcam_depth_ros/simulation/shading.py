@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
+from radcam_depth_ros.simulation.light import Light
 from radcam_depth_ros.simulation.scene import Hits, Scene
-from radcam_depth_ros.simulation.style import Light
 from radcam_depth_ros.simulation.surfaces import Surface, surface_table
 from radcam_depth_ros.simulation.textures import TextureAtlas, fractal
 
@@ -56,6 +56,10 @@ class Shader:
 
     def __init__(self, rng: np.random.Generator, atlas: TextureAtlas, light: Light, wetness: float) -> None:
         self._atlas, self._light = atlas, light
+        self._towards_sun, self._sun, self._sky, self._zenith, self._horizon = (
+            np.array(triple, np.float32)
+            for triple in (light.sun_direction, light.sun, light.sky, light.zenith, light.horizon)
+        )
         table = surface_table()
         self._gloss = table.gloss.copy()
         self._gloss[[Surface.ASPHALT, Surface.PAINT_MARK]] = 0.75 * wetness
@@ -74,22 +78,26 @@ class Shader:
     def sky(self, direction: FloatArray) -> FloatArray:
         """Radiance (N, 3) of the sky in unit directions (N, 3)."""
         light = self._light
+        colour = self._clear_sky(direction)
         up = np.maximum(direction[:, 2], 0.0)
-        blend = np.sqrt(up)[:, None]
-        colour = np.float32(light.horizon) * (1 - blend) + np.float32(light.zenith) * blend
         scale = 0.6 / (up + 0.12)
         cloud = self._look_up(self._clouds, direction[:, 0] * scale * 60, direction[:, 1] * scale * 60, 100.0)
         if light.cloud_cover < 1:
             amount = np.clip((cloud - 1.5 + 3.0 * light.cloud_cover) * 1.2, 0, 1)[:, None]
-            white = np.float32(light.sky) * 0.2 + np.float32([1.0, 1.0, 1.02]) * np.float32(0.9)
+            white = self._sky * np.float32(0.2) + np.float32(0.9)
             colour = colour * (1 - amount) + white * amount * (1 + 0.25 * light.cloud_contrast * cloud[:, None])
         else:
             colour = colour * np.clip(1 + light.cloud_contrast * 0.5 * cloud, 0.3, 2)[:, None]
-        glow = np.maximum(direction @ np.float32(light.sun_direction), 0)
-        sun = np.float32(light.sun)
-        if sun.max() > 0:
-            colour = colour + sun * (0.06 * glow**6 + 0.5 * glow**60 + 20.0 * (glow > 0.9995))[:, None]
+        glow = np.maximum(direction @ self._towards_sun, 0)
+        if self._sun.max() > 0:
+            colour = (
+                colour + self._sun * (0.06 * _power(glow, 3) + 0.5 * _power(glow, 6) + 20.0 * (glow > 0.9995))[:, None]
+            )
         return np.asarray(colour, np.float32)
+
+    def _clear_sky(self, direction: FloatArray) -> FloatArray:
+        blend = np.sqrt(np.maximum(direction[:, 2], 0.0))[:, None]
+        return np.asarray(self._horizon * (1 - blend) + self._zenith * blend, np.float32)
 
     def shade(
         self,
@@ -116,18 +124,17 @@ class Shader:
         upward = hit.normal[:, 2]
         ambient = (0.55 + 0.45 * upward + hit.normal @ self._tilt) * openness
         bounce = (0.5 - 0.5 * upward) * (0.15 + 0.15 * openness)
-        irradiance = np.float32(light.sky) * ((ambient + bounce) * (0.5 + 0.5 * patch))[:, None]
-        sun = np.float32(light.sun)
+        irradiance = self._sky * ((ambient + bounce) * (0.5 + 0.5 * patch))[:, None]
         lit = np.zeros(len(surface), np.float32)
-        if sun.max() > 0:
+        if self._sun.max() > 0:
             lit = self._sunlight(scene, hit, rng) * patch
-            irradiance += sun * (lit * np.maximum(hit.normal @ np.float32(light.sun_direction), 0))[:, None]
-            irradiance += sun * (0.10 * openness * (1 - 0.5 * upward))[:, None]
+            irradiance += self._sun * (lit * np.maximum(hit.normal @ self._towards_sun, 0))[:, None]
+            irradiance += self._sun * (0.10 * openness * (1 - 0.5 * upward))[:, None]
         colour = albedo * irradiance
         colour += albedo * ((surface == Surface.LAMP) * np.float32(self._lamps))[:, None]
         self._reflect(colour, hit, surface, shine, cosine, openness, lit)
         air = np.exp(-hit.range_m / np.float32(light.haze_m))[:, None]
-        haze = np.float32(light.horizon) * np.float32(0.9)
+        haze = self._horizon * np.float32(0.9)
         return np.asarray(colour * air + haze * (1 - air), np.float32)
 
     def _albedo(
@@ -154,14 +161,16 @@ class Shader:
         noise = self._look_up(self._clouds, point[:, 0], point[:, 1] + point[:, 2], 160.0)
         return np.asarray(np.exp(self._light.patches * np.clip(noise, -2, 1.2)), np.float32)
 
-    def _look_up(self, noise: FloatArray, x: FloatArray, y: FloatArray, tile_m: float) -> FloatArray:
+    def _look_up(
+        self, noise: FloatArray, x: npt.NDArray[np.floating], y: npt.NDArray[np.floating], tile_m: float
+    ) -> FloatArray:
         scale = np.float32(_NOISE / tile_m)
         column = np.floor(x * scale).astype(np.int32) & (_NOISE - 1)
         row = np.floor(y * scale).astype(np.int32) & (_NOISE - 1)
         return np.asarray(noise[row, column])
 
     def _sunlight(self, scene: Scene, hit: Hit, rng: np.random.Generator) -> FloatArray:
-        direction = np.asarray(self._light.sun_direction, np.float32)
+        direction = self._towards_sun
         facing = np.flatnonzero(hit.normal @ direction > 0)
         origins = hit.point[facing] + hit.normal[facing] * np.float32(4e-3)
         spread = rng.standard_normal((len(facing), 3), dtype=np.float32) * np.float32(0.005)
@@ -185,14 +194,20 @@ class Shader:
         normal, direction, angle = hit.normal[some], hit.direction[some], cosine[some]
         mirrored = direction + normal * (2 * angle)[:, None]
         base = np.where(surface[some] == Surface.GLASS, np.float32(0.09), np.float32(0.045))
-        share = gloss[some] * (base + (1 - base) * (1 - angle) ** 5)
+        share = gloss[some] * (base + (1 - base) * _power(1 - angle, 2) * (1 - angle))
         height = mirrored[:, 2:3]
         above = np.clip((height - 0.03) / 0.25, 0, 1)
-        around = np.float32(self._light.sky) * np.float32(self._skyline * 0.5)
-        reflected = self.sky(mirrored) * above + around * (1 - above)
+        around = self._sky * np.float32(self._skyline * 0.5)
+        reflected = self._clear_sky(mirrored) * above + around * (1 - above)
         reflected *= (0.35 + 0.65 * openness[some])[:, None]
-        sun = np.float32(self._light.sun)
-        if sun.max() > 0:
-            glint = np.maximum(mirrored @ np.float32(self._light.sun_direction), 0) ** 120
-            reflected += sun * (glint * lit[some] * 4)[:, None]
+        if self._sun.max() > 0:
+            glint = _power(np.maximum(mirrored @ self._towards_sun, 0), 7)
+            reflected += self._sun * (glint * lit[some] * 4)[:, None]
         colour[some] = colour[some] * (1 - share)[:, None] + reflected * share[:, None]
+
+
+def _power(values: FloatArray, doublings: int) -> FloatArray:
+    """Values to the power 2 ** doublings: numpy's own power takes longer than all the rest of the shading."""
+    for _ in range(doublings):
+        values = values * values
+    return values

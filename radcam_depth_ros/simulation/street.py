@@ -73,7 +73,13 @@ class Stretch:
         return base + side.bank_m * rise * wave
 
     def place(
-        self, mesh: Mesh, s: float, t: float, z: float = 0.0, yaw: float = 0.0, scale: float | tuple[float, float, float] = 1.0
+        self,
+        mesh: Mesh,
+        s: float,
+        t: float,
+        z: float = 0.0,
+        yaw: float = 0.0,
+        scale: float | tuple[float, float, float] = 1.0,
     ) -> None:
         """Puts a mesh at a place of the road, its x axis along the road for `yaw` 0."""
         x, y = self.path.position(s, t)
@@ -87,7 +93,13 @@ class Stretch:
         self.place(mesh, s, sign * (edge + outwards), z, 0.0 if sign > 0 else np.pi)
 
     def strip(
-        self, t0: float, t1: float, z: npt.ArrayLike, material: Material, start: float | None = None, stop: float | None = None
+        self,
+        t0: float,
+        t1: float,
+        z: npt.ArrayLike,
+        material: Material,
+        start: float | None = None,
+        stop: float | None = None,
     ) -> None:
         """A band along the road between two offsets, at one height or rising from the first to the second."""
         first = self.start_m if start is None else start
@@ -131,8 +143,13 @@ def lay_ground(stretch: Stretch) -> None:
         side, edge = stretch.side(sign)
         ground = snow if style.snow and rng.random() < 0.8 else (soil if rng.random() < 0.25 else grass)
         if side.parking_m > 0:
-            lane = Material(Surface.PAVING, Label.ROAD, _grey(tone * rng.uniform(0.8, 1.4), rng),
-                            Texture.COBBLES if rng.random() < 0.3 else texture, 4.0)
+            lane = Material(
+                Surface.PAVING,
+                Label.ROAD,
+                _grey(tone * rng.uniform(0.8, 1.4), rng),
+                Texture.COBBLES if rng.random() < 0.3 else texture,
+                4.0,
+            )
             stretch.strip(sign * edge, sign * (edge + side.parking_m), 0.0, lane)
         if side.walk_m > 0:
             stone = Material(Surface.PAVING, Label.SIDEWALK, _grey(0.3, rng), Texture.PLAIN)
@@ -144,7 +161,12 @@ def lay_ground(stretch: Stretch) -> None:
                 stretch.strip(sign * (at + 0.3), sign * (edge + side.walk_start_m), lift + 0.03, ground)
         elif style.snow or rng.random() < 0.4:
             # Gravel, dirt or ploughed snow hides the straight edge of the asphalt.
-            stretch.strip(sign * (edge - rng.uniform(0, 0.3)), sign * (edge + rng.uniform(0.3, 1.5)), (0.012, 0.03), soil if not style.snow else snow)
+            stretch.strip(
+                sign * (edge - rng.uniform(0, 0.3)),
+                sign * (edge + rng.uniform(0.3, 1.5)),
+                (0.012, 0.03),
+                soil if not style.snow else snow,
+            )
         _land_surface(stretch, sign, ground)
 
 
@@ -160,8 +182,13 @@ def _land_surface(stretch: Stretch, sign: int, material: Material) -> None:
 
 def _median(stretch: Stretch, half: float) -> None:
     style, rng = stretch.style, stretch.rng
-    grown = Material(Surface.GROUND, Label.TERRAIN, (0.85, 0.87, 0.9) if style.snow else style.grass,
-                     Texture.SNOW if style.snow else Texture.GRASS, 5.0)
+    grown = Material(
+        Surface.GROUND,
+        Label.TERRAIN,
+        (0.85, 0.87, 0.9) if style.snow else style.grass,
+        Texture.SNOW if style.snow else Texture.GRASS,
+        5.0,
+    )
     inner = half - 0.35
     stretch.strip(-inner, inner, style.kerb_m, grown)
     for sign in (1, -1):
@@ -177,7 +204,11 @@ def _median(stretch: Stretch, half: float) -> None:
     elif half > 1.0:
         for s in np.arange(stretch.start_m + 3, stretch.stop_m, rng.uniform(7, 25)):
             if rng.random() < 0.7:
-                plant = stretch.library.draw_tree(rng, style) if rng.random() < 0.5 else stretch.library.draw_bush(rng, style)
+                plant = (
+                    stretch.library.draw_tree(rng, style)
+                    if rng.random() < 0.5
+                    else stretch.library.draw_bush(rng, style)
+                )
                 stretch.place(plant.near, float(s), 0.0, style.kerb_m, rng.uniform(0, 6.28), rng.uniform(0.6, 1.0))
 
 
@@ -187,11 +218,15 @@ def _repairs(stretch: Stretch, tone: float) -> None:
     low, high = -style.right_edge_m, style.left_edge_m
     if rng.random() < 0.3:
         lane = -float(rng.integers(0, style.lanes)) * style.lane_m - style.median_m / 2
-        material = Material(Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(0, 0.35))), rng), Texture.ASPHALT, 7.0)
+        material = Material(
+            Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(0, 0.35))), rng), Texture.ASPHALT, 7.0
+        )
         stretch.strip(lane - style.lane_m, lane, 0.0025, material)
     for _ in range(int(rng.poisson(1.5))):
         s, t = rng.uniform(stretch.start_m, stretch.stop_m - 9), rng.uniform(low, high - 1.5)
-        material = Material(Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(-0.1, 0.4))), rng), Texture.ASPHALT, 6.0)
+        material = Material(
+            Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(-0.1, 0.4))), rng), Texture.ASPHALT, 6.0
+        )
         stretch.strip(t, min(t + rng.uniform(0.6, 3.5), high), 0.004, material, s, s + rng.uniform(1.5, 9))
     iron = Material(Surface.METAL, Label.ROAD, _grey(tone * float(rng.uniform(0.4, 0.9)), rng), Texture.METAL)
     for _ in range(int(rng.poisson(0.8))):

@@ -61,7 +61,7 @@ class TextureAtlas:
         self.mean_colour = np.stack([tile[..., :3].mean(axis=(0, 1)) for tile in tiles]).astype(np.float32)
 
     def sample(
-        self, texture: npt.NDArray[np.uint8], uv: FloatArray, tiles_per_pixel: FloatArray
+        self, texture: npt.NDArray[np.uint8], uv: FloatArray, tiles_per_pixel: npt.NDArray[np.floating]
     ) -> tuple[FloatArray, FloatArray]:
         """Looks colours up, in the size of tile that fits the pixel.
 

@@ -21,6 +21,7 @@ BEHIND_M = 70.0
 AHEAD_M = 300.0
 """and this far ahead."""
 
+_PEOPLE_AHEAD_M = 150.0
 _DERIVATIVE_S = 1e-2
 
 
@@ -72,7 +73,7 @@ class Traffic:
         here = float(self._ego.s(time))
         for mover in self._movers:
             s = mover.s(time)
-            if not here - BEHIND_M < s < here + AHEAD_M:
+            if not here - BEHIND_M < s < here + (AHEAD_M if mover.cycle_m == 1.0 else _PEOPLE_AHEAD_M):
                 continue
             x, y = self._path.position(s, mover.t)
             around = np.array([mover.s(time - _DERIVATIVE_S), mover.s(time + _DERIVATIVE_S)])
@@ -97,7 +98,9 @@ class Traffic:
             gap = 2.5 + float(rng.gamma(1.3, headway_m / 1.3))
             place += vehicle.length_m / 2
             clear = 9.0 if own else 0.0
-            if own and -clear < place - vehicle.length_m / 2 < clear or own and -clear < place + vehicle.length_m / 2 < clear:
+            if (own and -clear < place - vehicle.length_m / 2 < clear) or (
+                own and -clear < place + vehicle.length_m / 2 < clear
+            ):
                 place = clear + vehicle.length_m / 2 + float(rng.gamma(1.2, headway_m / 2))
             self._movers.append(
                 Mover(
@@ -125,7 +128,7 @@ class Traffic:
         ego = self._ego
 
         def s(time: float) -> float:
-            return float(ego.s(time)) + gap * (1 + depth * np.sin(2 * np.pi * time / period + phase))
+            return float(ego.s(time)) + gap * (1 + depth * float(np.sin(2 * np.pi * time / period + phase)))
 
         return s
 
@@ -142,7 +145,14 @@ class Traffic:
                     walker = self._library.draw_walker(rng)
                     out = side.walk_start_m + float(rng.uniform(0.5, max(side.walk_m - 0.4, 0.6)))
                     self._movers.append(
-                        Mover(walker.poses, STEP_M, _steady(float(rng.uniform(low, high)), speed), sign * (edge + out), style.kerb_m, not forwards)
+                        Mover(
+                            walker.poses,
+                            STEP_M,
+                            _steady(float(rng.uniform(low, high)), speed),
+                            sign * (edge + out),
+                            style.kerb_m,
+                            not forwards,
+                        )
                     )
             if rng.random() < 0.7 * people:
                 self._fill_cyclists(rng, sign, edge)

@@ -8,6 +8,7 @@ from radcam_depth_ros.simulation.configuration import WorldConfig
 from radcam_depth_ros.simulation.ego import EgoDrive
 from radcam_depth_ros.simulation.land import settle
 from radcam_depth_ros.simulation.library import build_library
+from radcam_depth_ros.simulation.light import draw_light
 from radcam_depth_ros.simulation.markings import paint_markings
 from radcam_depth_ros.simulation.mesh import Mesh, join, quads, sheet
 from radcam_depth_ros.simulation.path import Path
@@ -15,7 +16,7 @@ from radcam_depth_ros.simulation.randomness import Stream, generator
 from radcam_depth_ros.simulation.roadside import furnish
 from radcam_depth_ros.simulation.scene import Scene
 from radcam_depth_ros.simulation.street import STRETCH_M, Stretch, finished, lay_ground
-from radcam_depth_ros.simulation.style import Land, draw_light, draw_style
+from radcam_depth_ros.simulation.style import Land, draw_style
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.textures import TextureAtlas
 from radcam_depth_ros.simulation.traffic import Traffic
@@ -97,10 +98,24 @@ class World:
         rng = generator(self._seed, Stream.STYLE, 1)
         x, y = self.path.position(middle_s, 0.0)
         plain = Material(
-            Surface.GROUND, Label.TERRAIN, (0.8, 0.82, 0.85) if self.style.snow else self.style.grass, Texture.SOIL, 40.0
+            Surface.GROUND,
+            Label.TERRAIN,
+            (0.8, 0.82, 0.85) if self.style.snow else self.style.grass,
+            Texture.SOIL,
+            40.0,
         )
         half = 4000.0
-        floor = quads([[(x - half, y - half, -0.7), (x + half, y - half, -0.7), (x + half, y + half, -0.7), (x - half, y + half, -0.7)]], plain)
+        floor = quads(
+            [
+                [
+                    (x - half, y - half, -0.7),
+                    (x + half, y - half, -0.7),
+                    (x + half, y + half, -0.7),
+                    (x - half, y + half, -0.7),
+                ]
+            ],
+            plain,
+        )
         angle = np.linspace(0, 2 * np.pi, 181)
         radius = float(rng.uniform(700, 2500))
         height = radius * float(rng.uniform(0.005, 0.05))
@@ -111,5 +126,7 @@ class World:
         top = np.concatenate([ring * 1.0, crest[:, None]], -1)
         r, g, b = self.style.foliage if self.style.bare < 0.5 else self.style.twig
         wood = Material(Surface.FOLIAGE, Label.VEGETATION, (r * 0.8, g * 0.8, b * 0.8), Texture.LEAF, 60.0)
-        uv = np.stack([np.tile(angle * radius / 60.0, (2, 1)), np.repeat([[0.0], [1.0]], 181, axis=1) * height / 60], -1)
+        uv = np.stack(
+            [np.tile(angle * radius / 60.0, (2, 1)), np.repeat([[0.0], [1.0]], 181, axis=1) * height / 60], -1
+        )
         return join([floor, sheet(np.stack([foot, top]), wood, uv)])

@@ -1,8 +1,8 @@
-"""Makes many samples of one: crop, flip, light and colour, radars that miss or invent returns, a road prior that is off.
+"""Makes many samples of one: crop, flip, light, colour, radars that miss or invent returns, a road prior that is off.
 
-What is seen (`crop`, `mirror`) and what is true of it change together: image, depth, returns and ground stay consistent.
-What is only perceived (`photometric`, `perturb_radar`, `perturb_ground`) changes alone. All take their randomness from
-the generator that is passed in.
+What is seen (`crop`, `mirror`) and what is true of it change together: image, depth, returns and ground stay
+consistent. What is only perceived (`photometric.perceive`, `perturb_radar`, `perturb_ground`) changes alone. All take
+their randomness from the generator that is passed in.
 """
 
 from __future__ import annotations
@@ -10,57 +10,18 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane, ImageArray
-from radcam_depth_ros.training.samples import RADAR_COLUMNS, UNKNOWN_CLASS, TrainingSample
+from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
+from radcam_depth_ros.training.photometric import PhotometricConfig, perceive
+from radcam_depth_ros.training.samples import RADAR_COLUMNS, UNKNOWN_CLASS, TrainingError, TrainingSample
 
 _U, _V, _DEPTH, _RCS, _SPEED, _AGE = range(RADAR_COLUMNS)
 CROP_MARGIN_PX = 80
 """Half of the width of a return's region of interest, as of `baff`."""
 
 ValueT = TypeVar("ValueT", bound=np.generic)
-
-_LUMA = np.array([0.299, 0.587, 0.114], np.float32)
-
-
-@dataclass(frozen=True)
-class PhotometricConfig:
-    """Light and colour. Each effect has a probability and a strength.
-
-    Attributes:
-        tone: Probability of brightness, contrast and gamma, together.
-        brightness: Largest change of the logarithm of brightness.
-        contrast: Largest change of the logarithm of contrast.
-        gamma: Largest change of the logarithm of gamma.
-        colour: Probability of white balance and saturation, together.
-        white_balance: Largest change of the logarithm of a channel.
-        grey: Probability of no colour at all.
-        illumination: Probability of a smooth random field of light: breaks the tie between brightness and distance.
-        illumination_strength: Standard deviation of its logarithm.
-        shadow: Probability of darkened patches, which dark asphalt and shadows are in real pictures.
-        blur: Probability of a Gaussian blur of up to `blur_px`.
-        blur_px: See `blur`.
-        noise: Probability of noise of up to `noise_level`.
-        noise_level: Largest standard deviation, of a range of 1.
-    """
-
-    tone: float = 0.8
-    brightness: float = 0.5
-    contrast: float = 0.4
-    gamma: float = 0.3
-    colour: float = 0.7
-    white_balance: float = 0.2
-    grey: float = 0.1
-    illumination: float = 0.5
-    illumination_strength: float = 0.35
-    shadow: float = 0.35
-    blur: float = 0.15
-    blur_px: float = 1.5
-    noise: float = 0.4
-    noise_level: float = 0.03
 
 
 @dataclass(frozen=True)
@@ -79,7 +40,9 @@ class RadarAugmentationConfig:
         rcs_unknown: Probability of a radar that gives no RCS.
         speed_unknown: Probability of a radar that gives no speed.
         age_unknown: Probability of unknown ages.
-        max_points: No more returns than this are kept, at random.
+        min_points: See `max_points`.
+        max_points: Returns are thinned, at random, to a number drawn between these two, each order of magnitude as
+            often: imaging radars give thousands, of which an iteration has no time for all.
     """
 
     none: float = 0.05
@@ -93,7 +56,14 @@ class RadarAugmentationConfig:
     rcs_unknown: float = 0.15
     speed_unknown: float = 0.15
     age_unknown: float = 0.15
-    max_points: int = 96
+    min_points: int = 24
+    max_points: int = 192
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.min_points <= self.max_points:
+            raise TrainingError(
+                f"returns need 1 <= min_points <= max_points, got {self.min_points} and {self.max_points}"
+            )
 
 
 @dataclass(frozen=True)
@@ -153,7 +123,7 @@ def augment(
     radar, source = perturb_radar(result, config.radar, rng)
     ground = perturb_ground(result.ground, config.ground, rng)
     result = replace(result, radar=radar, radar_source=source, ground=ground)
-    return result, photometric(result.image, config.photometric, rng)
+    return result, perceive(result.image, config.photometric, rng)
 
 
 def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -> TrainingSample:
@@ -215,16 +185,16 @@ def perturb_radar(
     if rng.random() < config.thinned:
         kept = rng.random(len(radar)) >= rng.uniform(0, config.thinned_share)
         radar, source = radar[kept], source[kept]
-    radar = radar + rng.standard_normal(radar.shape, np.float32) * np.float32(
-        [config.pixel_noise, config.pixel_noise, config.depth_noise_m, 0, 0, 0]
-    )
+    noise = np.array([config.pixel_noise, config.pixel_noise, config.depth_noise_m, 0, 0, 0], np.float32)
+    radar = radar + rng.standard_normal(radar.shape, np.float32) * noise
     if rng.random() < config.clutter:
         invented = _clutter(sample.camera, radar, config, rng)
         radar = np.concatenate([radar, invented])
         source = np.concatenate([source, rng.choice(radars, len(invented)) if len(radars) else np.zeros(len(invented))])
-    if len(radar) > config.max_points:
-        kept = rng.choice(len(radar), config.max_points, replace=False)
-        radar, source = radar[kept], source[kept]
+    limit = int(np.exp(rng.uniform(np.log(config.min_points), np.log(config.max_points + 1))))
+    if len(radar) > limit:
+        drawn = rng.choice(len(radar), limit, replace=False)
+        radar, source = radar[drawn], source[drawn]
     for column, probability in (
         (_RCS, config.rcs_unknown),
         (_SPEED, config.speed_unknown),
@@ -247,60 +217,6 @@ def perturb_ground(ground: GroundPlane, config: GroundAugmentationConfig, rng: n
     angle = np.deg2rad(roll * config.roll_deg)
     x, y = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
     return GroundPlane(ground.height_m * (1 + height * config.height_share), (float(x), float(y), float(z)))
-
-
-def photometric(image: ImageArray, config: PhotometricConfig, rng: np.random.Generator) -> FloatArray:
-    """Light and colour: (H, W, 3) uint8 to (H, W, 3) float32, 0 to 1."""
-    curve = np.broadcast_to(np.linspace(0, 1, 256, dtype=np.float32)[:, None], (256, 3))
-    if rng.random() < config.tone:
-        gamma, contrast, brightness = np.exp(
-            rng.uniform(-1, 1, 3) * [config.gamma, config.contrast, config.brightness]
-        ).astype(np.float32)
-        curve = ((curve**gamma - 0.5) * contrast + 0.5) * brightness
-    saturation = 1.0
-    if rng.random() < config.colour:
-        curve = curve * np.exp(rng.uniform(-1, 1, 3) * config.white_balance).astype(np.float32)
-        saturation = rng.uniform(0.2, 1.6)
-    if rng.random() < config.grey:
-        saturation = 0.0
-    # One table look-up does all that depends on a pixel's value alone.
-    result = np.stack([np.take(curve[:, channel], image[..., channel]) for channel in range(3)], axis=-1)
-    if saturation != 1.0:
-        # out = saturation * x + (1 - saturation) * luma, as one 3 x 3 matrix.
-        mixing = np.eye(3, dtype=np.float32) * saturation + (1 - saturation) * np.tile(_LUMA, (3, 1))
-        result = cv2.transform(result, mixing.astype(np.float32))
-    light = _light(image.shape[0], image.shape[1], config, rng)
-    if light is not None:
-        result *= light[..., None]
-    if rng.random() < config.blur:
-        sigma = rng.uniform(0.3, max(config.blur_px, 0.3))
-        result = cv2.GaussianBlur(result, (0, 0), sigma)
-    if rng.random() < config.noise:
-        level = np.float32(rng.uniform(0, config.noise_level))
-        result += rng.standard_normal(result.shape, np.float32) * level
-    clipped: FloatArray = np.clip(result, 0, 1, out=result)
-    return clipped
-
-
-def _light(height: int, width: int, config: PhotometricConfig, rng: np.random.Generator) -> FloatArray | None:
-    """A factor for each pixel (H, W), or None for an even light."""
-    light: FloatArray | None = None
-    if rng.random() < config.illumination:
-        rows, columns = rng.integers(2, 6, 2)
-        field = rng.standard_normal((int(rows), int(columns)), np.float32) * np.float32(config.illumination_strength)
-        light = np.exp(cv2.resize(field, (width, height), interpolation=cv2.INTER_CUBIC))
-    if rng.random() < config.shadow:
-        # Drawn small and enlarged: soft edges, and cheap.
-        small = np.ones((height // 4, width // 4), np.float32)
-        for _ in range(int(rng.integers(1, 4))):
-            centre = rng.random(2) * [width / 4, height / 4]
-            corners = centre + rng.standard_normal((int(rng.integers(3, 7)), 2)) * [width / 16, height / 16]
-            darker = float(rng.uniform(0.3, 0.8))
-            cv2.fillConvexPoly(small, cv2.convexHull(corners.astype(np.int32)), darker)
-        small = cv2.GaussianBlur(small, (0, 0), float(rng.uniform(0.3, 3.0)))
-        shadow = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
-        light = shadow if light is None else light * shadow
-    return light
 
 
 def _clutter(

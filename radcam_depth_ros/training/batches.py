@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -49,12 +49,12 @@ class Batch:
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on a device."""
-        single = None if self.depth_single_m is None else self.depth_single_m.to(device, non_blocking=True)
-        moved = (
-            tensor.to(device, non_blocking=True)
-            for tensor in (self.image, self.radar, self.valid, self.ground, self.depth_accumulated_m)
-        )
-        return Batch(*moved, single, self.classes.to(device, non_blocking=True))
+        moved = {
+            entry.name: tensor.to(device, non_blocking=True)
+            for entry in fields(self)
+            if (tensor := getattr(self, entry.name)) is not None
+        }
+        return replace(self, **moved)
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ class SampleSet:
         return len(self.entries)
 
     def __getitem__(self, index: int) -> TrainingSample:
-        drive, frame = self.entries[index]
-        return self.drives[drive][int(frame)]
+        drive, frame = (int(value) for value in self.entries[index])
+        return self.drives[drive][frame]
 
     @property
     def largest(self) -> tuple[int, int]:
@@ -110,7 +110,7 @@ def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | No
         images: (H, W, 3) float32 images in their place; their own, divided by 255, by default.
     """
     if images is None:
-        images = [sample.image.astype(np.float32) / 255 for sample in samples]
+        images = [sample.image.astype(np.float32) / np.float32(255) for sample in samples]
     points = max(len(sample.radar) for sample in samples)
     points = max(1, -(-points // POINTS_MULTIPLE)) * POINTS_MULTIPLE
     # Padding is a return at 1 m that is not valid: finite in every formula.

@@ -132,7 +132,7 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
             camera = camera or plan.network
             if plan.network != camera:
                 raise TrainingError(
-                    f"{bag}: the camera changes within the bag, from {camera} to {plan.network}; record one bag a camera"
+                    f"{bag}: the camera changes within the bag, from {camera} to {plan.network}; record a bag for each"
                 )
             _write_images(sample, plan, image_file, depth_file, classes_file)
             classes_seen += sample.classes is not None
@@ -144,8 +144,8 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
             radars = sample.radars
     if camera is None:
         raise TrainingError(
-            f"{bag} has no frame with ground truth; training needs a depth image topic or a LiDAR topic with stamps near "
-            "the images'"
+            f"{bag} has no frame with ground truth; training needs a depth image topic, or a LiDAR topic with "
+            "stamps near the images'"
         )
     np.save(folder / "radar.npy", np.concatenate(radar).reshape(-1, RADAR_COLUMNS))
     np.save(folder / "radar_source.npy", np.concatenate(source))
@@ -189,10 +189,10 @@ def resample_depth(depth_m: FloatArray, plan: CanonicalCamera, *, sparse: bool) 
     """
     result = np.full((plan.network.height, plan.network.width), np.nan, np.float32)
     if sparse:
-        row, column = np.nonzero(~np.isnan(depth_m))
-        depth = depth_m[row, column]
-        row = (row + 0.5) * plan.scaled.height // plan.source.height
-        column = (column + 0.5) * plan.scaled.width // plan.source.width
+        source_row, source_column = np.nonzero(~np.isnan(depth_m))
+        depth = depth_m[source_row, source_column]
+        row = (source_row + 0.5) * plan.scaled.height // plan.source.height
+        column = (source_column + 0.5) * plan.scaled.width // plan.source.width
         nearest = np.full(result.shape, np.inf, np.float32)
         hit = np.zeros(result.shape, np.bool_)
         place = (row.astype(np.int64), column.astype(np.int64))

@@ -7,17 +7,18 @@ ships is the archive, written by `networks.archive`.
 from __future__ import annotations
 
 import copy
-import os
 import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from radcam_depth_ros.training.samples import TrainingError
+
+NetworkT = TypeVar("NetworkT", bound=nn.Module)
 
 
 @dataclass
@@ -71,7 +72,7 @@ class RunState:
     recent: RecentLosses = field(default_factory=RecentLosses)
 
 
-class AveragedWeights:
+class AveragedWeights(Generic[NetworkT]):
     """Exponential moving average of a network's weights and running statistics.
 
     Args:
@@ -79,8 +80,8 @@ class AveragedWeights:
         decay: Weight of the past, lower in the first iterations; 0 gives the network's own weights.
     """
 
-    def __init__(self, network: nn.Module, decay: float) -> None:
-        self.network = copy.deepcopy(network).eval().requires_grad_(False)
+    def __init__(self, network: NetworkT, decay: float) -> None:
+        self.network: NetworkT = copy.deepcopy(network).eval().requires_grad_(False)
         self._decay = decay
 
     @torch.no_grad()
@@ -96,7 +97,11 @@ class AveragedWeights:
 
 
 def save_checkpoint(
-    path: Path, state: RunState, network: nn.Module, averaged: AveragedWeights, optimiser: torch.optim.Optimizer
+    path: Path,
+    state: RunState,
+    network: nn.Module,
+    averaged: AveragedWeights[Any],
+    optimiser: torch.optim.Optimizer,
 ) -> None:
     """Writes all that a run needs to go on exactly as it would have."""
     content = {
@@ -110,7 +115,7 @@ def save_checkpoint(
 
 
 def load_checkpoint(
-    path: Path, network: nn.Module, averaged: AveragedWeights, optimiser: torch.optim.Optimizer
+    path: Path, network: nn.Module, averaged: AveragedWeights[Any], optimiser: torch.optim.Optimizer
 ) -> RunState:
     """Restores a run.
 
@@ -142,7 +147,7 @@ def _write(path: Path, write: Callable[[Path], object]) -> None:
     partial = path.with_name(path.name + ".part")
     try:
         write(partial)
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise TrainingError(

@@ -33,14 +33,10 @@ class MetricsLog:
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
     """All whole lines of a `metrics.jsonl`; none when it does not exist."""
-    lines: list[dict[str, Any]] = []
-    if path.is_file():
-        for text in path.read_text(encoding="utf-8").splitlines():
-            try:
-                lines.append(json.loads(text))
-            except ValueError:
-                continue  # the last line of a run that was killed while it wrote
-    return lines
+    if not path.is_file():
+        return []
+    # A run that was killed while it wrote leaves half a line at the end.
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
 
 
 def draw_curves(metrics: list[dict[str, Any]], path: Path, title: str) -> None:

@@ -103,5 +103,8 @@ def _bags_below(path: Path) -> list[Path]:
         return [path]
     bags: list[Path] = []
     for child in sorted(path.iterdir()) if path.is_dir() else []:
+        # What is hidden is somebody's unfinished work.
+        if child.name.startswith("."):
+            continue
         bags += _bags_below(child)
     return bags

@@ -28,6 +28,7 @@ from radcam_depth_ros.training.validation import ValidationResult, validate
 CHECKPOINT = "last.pt"
 METRICS = "metrics.jsonl"
 CURVES = "curves.png"
+RUN_FILE = "run.yaml"
 SKIPS_ALLOWED = 10
 """Iterations in a row without a finite gradient, after which a run is given up."""
 
@@ -129,9 +130,8 @@ class Trainer:
         self._observer = observer
         self._precision = Precision.choose(config.precision, config.device)
         torch.manual_seed(config.seed)
-        self.network = networks.create(network, config.architecture).to(
-            self._precision.device, memory_format=torch.channels_last
-        )
+        self.network = networks.create(network, config.architecture).to(self._precision.device)
+        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
         self._averaged = AveragedWeights(self.network, config.optimiser.average_decay)
         self._optimiser = _optimiser(self.network, config.optimiser)
         self.state = RunState(samples=len(data.train))
@@ -146,6 +146,7 @@ class Trainer:
         self._maker = BatchMaker(data.train, config.augmentation, config.seed)
         self._validation = [data.validation[index] for index in data.validation.spread(config.validation.frames)]
         self._saved_at = time.monotonic()
+        self._counted_until = self._saved_at
         self._speed = 0.0
         self._skipped = 0
 
@@ -156,6 +157,7 @@ class Trainer:
             TrainingError: when the loss is not a number, or the disk is full; the last checkpoint is intact.
         """
         finished = False
+        self._counted_until = time.monotonic()
         with ThreadPoolExecutor(self._config.loader_threads, "batches") as pool:
             while not finished and not limits.should_stop():
                 stage = self._config.stage(self._progress(limits))
@@ -185,6 +187,7 @@ class Trainer:
         batches = prefetch(self._maker, self.state.position, stage.batch, size, pool, ahead)
         with closing(batches):
             while not limits.should_stop():
+                self._count_time()
                 progress = self._progress(limits)
                 if progress >= 1:
                     return True
@@ -196,7 +199,6 @@ class Trainer:
                 self.state.position += stage.batch
                 self.state.recent.add(losses)
                 seconds = time.monotonic() - started
-                self.state.elapsed_s += seconds
                 self._speed = seconds if self._speed == 0 else 0.95 * self._speed + 0.05 * seconds
                 self._after_step(limits)
         return False
@@ -233,9 +235,9 @@ class Trainer:
         self._skipped += 1
         if self._skipped >= SKIPS_ALLOWED:
             raise TrainingError(
-                f"the gradient was not finite in {self._skipped} iterations in a row up to {self.state.step}, with a loss "
-                f"of {loss}; {self._folder / CHECKPOINT} is from before: resume it with precision: float32, or start a "
-                "run with a lower learning rate"
+                f"the gradient was not finite in {self._skipped} iterations in a row, the last with a loss of {loss}; "
+                f"{self._folder / CHECKPOINT} is from before: resume with precision: float32 in {RUN_FILE}, or start "
+                "a run with a lower learning rate"
             )
 
     def _after_step(self, limits: Limits) -> None:
@@ -257,13 +259,11 @@ class Trainer:
             self.save()
 
     def _validate(self) -> None:
-        started = time.monotonic()
         result = validate(self._averaged.network, self._validation, self._precision)
         is_best = result.mae_80_m < self.state.best_score
         if is_best:
             self.state.best_score, self.state.best_step = result.mae_80_m, self.state.step
             archive.save(self._averaged.network, self._card(result), self.archive_path)
-        self.state.elapsed_s += time.monotonic() - started
         self._log.add("validation", self.state.step, asdict(result))
         self._observer.on_validation(self.state.step, result, is_best)
 
@@ -273,6 +273,11 @@ class Trainer:
             f"validation_{name}": round(value, 4) for name, value in asdict(result).items() if math.isfinite(value)
         }
         return archive.Card.of(self.network, self._name, f"{self._data.description}; {length}", metrics)
+
+    def _count_time(self) -> None:
+        now = time.monotonic()
+        self.state.elapsed_s += now - self._counted_until
+        self._counted_until = now
 
     def _progress(self, limits: Limits) -> float:
         progress = self.state.step / self._config.iterations

@@ -53,7 +53,7 @@ class OptimiserConfig:
     learning_rate: float = 2e-4
     schedule: str = "cosine"
     final_share: float = 0.02
-    warm_up_iterations: int = 300
+    warm_up_iterations: int = 100
     weight_decay: float = 1e-4
     clip_norm: float = 20.0
     average_decay: float = 0.998

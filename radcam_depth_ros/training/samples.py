@@ -5,7 +5,7 @@ A cached drive is a folder of raw arrays, one a kind, with a description beside 
 - `image.raw` (F, H, W, 3) uint8 RGB at the network's focal length;
 - `depth.raw` (F, H, W) float16 metres, NaN unknown, +inf sky (half precision: 0.05 % of the depth);
 - `classes.raw` (F, H, W) uint8, 255 unknown; only where the bag has them;
-- `radar.npy` (M, 6) float32, `radar_source.npy` (M,) uint8, `radar_start.npy` (F + 1,) int64: all points one after another;
+- `radar.npy` (M, 6) float32, `radar_source.npy` (M,) uint8, `radar_start.npy` (F + 1,) int64: all points in a row;
 - `ground.npy` (F, 4) float64: height and normal of the road; `stamp_ns.npy` (F,) int64;
 - `drive.json`: see `DriveCard`.
 """

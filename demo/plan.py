@@ -1,0 +1,109 @@
+"""What of a bag is played, and how the node has to be set for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from radcam_depth_ros.bags import BagReader, SensorTopics, find_topics, read_static_transforms
+from radcam_depth_ros.frame import GroundPlane
+from radcam_depth_ros.geometry import TransformTree, ground_plane
+
+FOOTPRINT_FRAME = "base_footprint"  # REP 105
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+NODE_NAME = "radcam_depth"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to play a bag to the node.
+
+    Attributes:
+        bag: The bag.
+        sensors: Its sensors.
+        played: Topic to type of what is played.
+        images: How many images there are.
+        parameters: The node's parameters.
+        remappings: Topic names that the node gets in place of its own.
+    """
+
+    bag: Path
+    sensors: SensorTopics
+    played: dict[str, str]
+    images: int
+    parameters: dict[str, object]
+    remappings: dict[str, str]
+
+    def write_parameters(self, path: Path) -> None:
+        """Writes the parameters as a ROS parameter file."""
+        content = {NODE_NAME: {"ros__parameters": self.parameters}}
+        path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def plan_drive(bag: Path, model: Path | None = None) -> Plan:
+    """Reads a bag's topics and static transforms.
+
+    Args:
+        bag: A rosbag2 folder or .mcap file.
+        model: Weights in place of the package's own.
+
+    The extrinsics become parameters since tf2_msgs, which `/tf_static` needs, does not come with the ROS wheels.
+
+    Raises:
+        RadcamDepthError: when the bag lacks a sensor, or the transform from a radar to the camera.
+    """
+    with BagReader(bag) as reader:
+        sensors = find_topics(reader.topics)
+        transforms = read_static_transforms(reader, sensors.tf_static or "/tf_static")
+        played = {info.name: info.type_name for info in reader.topics if info.name in _played(sensors)}
+        parameters: dict[str, object] = {"use_sim_time": True}
+        if model is not None:
+            parameters["model_file"] = str(model.resolve())
+        parameters.update(_topic_parameters(sensors, played))
+        parameters.update(_extrinsics(reader, sensors, transforms))
+        images = reader.count([sensors.image])
+    compressed = f"{parameters['image_topic']}/compressed"
+    renamed = played[sensors.image] == COMPRESSED and compressed != sensors.image
+    return Plan(bag, sensors, played, images, parameters, {compressed: sensors.image} if renamed else {})
+
+
+def _played(sensors: SensorTopics) -> tuple[str, ...]:
+    return (sensors.image, sensors.camera_info, *sensors.radars)
+
+
+def _topic_parameters(sensors: SensorTopics, types: dict[str, str]) -> dict[str, object]:
+    is_compressed = types[sensors.image] == COMPRESSED
+    return {
+        "image_topic": sensors.image.removesuffix("/compressed") if is_compressed else sensors.image,
+        "image_transport": "compressed" if is_compressed else "raw",
+        "camera_info_topic": sensors.camera_info,
+        "radar_topics": list(sensors.radars),
+    }
+
+
+def _extrinsics(reader: BagReader, sensors: SensorTopics, transforms: TransformTree) -> dict[str, object]:
+    camera_frame = _frame_id(reader, sensors.image)
+    numbers: list[float] = []
+    for radar in sensors.radars:
+        camera_from_radar = transforms.lookup(camera_frame, _frame_id(reader, radar))
+        numbers += [float(value) for value in (*camera_from_radar.translation, *camera_from_radar.quaternion)]
+    parameters: dict[str, object] = {"camera_from_radar": numbers}
+    if transforms.can_transform(camera_frame, FOOTPRINT_FRAME):
+        parameters.update(_ground(ground_plane(transforms.lookup(camera_frame, FOOTPRINT_FRAME))))
+    return parameters
+
+
+def _frame_id(reader: BagReader, topic: str) -> str:
+    return str(next(iter(reader.messages([topic]))).message.header.frame_id)
+
+
+def _ground(ground: GroundPlane) -> dict[str, object]:
+    right, down, forward = (float(value) for value in ground.up)
+    return {
+        "camera_height_m": float(ground.height_m),
+        "camera_pitch_deg": math.degrees(-math.asin(forward)),
+        "camera_roll_deg": math.degrees(math.atan2(-right, -down)),
+    }

@@ -1,0 +1,44 @@
+"""Writing a file so that nobody ever reads half of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from radcam_depth_ros.frame import RadcamDepthError
+
+
+class FileError(RadcamDepthError):
+    """A file that cannot be written."""
+
+
+@contextmanager
+def whole(path: Path | str) -> Iterator[Path]:
+    """A temporary sibling to write to: it takes the file's name when the block succeeds, and goes away when it fails.
+
+    Makes the folder.
+
+    Raises:
+        FileError: when it cannot be written; what was there before is intact.
+    """
+    target = Path(path)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        temporary.replace(target)
+    except OSError as error:
+        reason = error.strerror or error
+        raise FileError(f"cannot write {target}: {reason}; choose a place that can be written") from None
+    finally:
+        # Where the folder itself could not be made there is nothing to remove.
+        if temporary.parent.is_dir():
+            temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path | str, text: str) -> None:
+    """Writes a UTF-8 file, whole or not at all; FileError when it cannot be written."""
+    with whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -1,0 +1,226 @@
+"""The lifecycle node: configure loads, activate runs, deactivate stops, cleanup frees."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.timer import Timer
+
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.frame import CameraModel, RadcamDepthError
+from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
+from radcam_depth_ros.node.factory import build_message, message_class
+from radcam_depth_ros.node.health import Level, Problems
+from radcam_depth_ros.node.inputs import Inputs, find_inputs
+from radcam_depth_ros.node.outputs import Outputs
+from radcam_depth_ros.node.session import Session
+from radcam_depth_ros.parameters import NodeConfig, Parameters
+from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
+
+NODE_NAME = "radcam_depth"
+DIAGNOSTICS_PERIOD_S = 1.0
+WARM_UP_SIZE = (800, 448)
+"""Width and height of the image that the network is warmed up with."""
+
+CLOSE_S = 10.0
+"""So long the end of an inference is waited for when the node is deactivated."""
+
+
+class RadcamDepthNode(LifecycleNode):
+    """Camera and radar messages in, metric depth images out.
+
+    Args:
+        make_estimator: Loads the network.
+        **options: Of rclpy.node.Node: context, namespace, parameter_overrides and so on.
+    """
+
+    def __init__(self, make_estimator: Callable[[EstimatorConfig], Estimator] = Estimator, **options: Any) -> None:
+        super().__init__(NODE_NAME, **options)
+        self._make_estimator = make_estimator
+        self._problems = Problems(self._log)
+        self._settings = Parameters(self)
+        self._phase = "unconfigured"
+        self._config: NodeConfig | None = None
+        self._inputs: Inputs | None = None
+        self._estimator: Estimator | None = None
+        self._outputs: Outputs | None = None
+        self._session: Session | None = None
+        self._diagnostics = Diagnostics(self, self._problems)
+        self._diagnostics_publisher = self.create_publisher(
+            message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", 10
+        )
+        # On the steady clock: diagnostics must come when simulated time stands still, too.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._tick = self.create_timer(DIAGNOSTICS_PERIOD_S, self._on_tick, clock=steady)
+        self._start: Timer | None = None
+        if self.get_parameter("autostart").value:
+            self._start = self.create_timer(0.0, self._on_start, clock=steady)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Reads the parameters, loads the network and warms it up; on failure the node stays unconfigured."""
+        part = "parameters"
+        try:
+            config = self._settings.read()
+            self._inputs = find_inputs(self, config)
+            self._config = _with_full_names(config, self._inputs)
+            self._outputs = Outputs(self, lambda sentence: self._problems.report("output", Level.WARN, sentence))
+            part = "model"
+            self._log(Level.OK, f"loading {config.estimator.model_file or config.estimator.network}")
+            self._estimator = self._make_estimator(config.estimator)
+            self._new_pipeline()
+            self._estimator.warm_up(_canonical_camera(self._estimator))
+        except Exception as error:  # the boundary: whatever it is, the node stays up and says so
+            self._problems.report(part, Level.ERROR, f"the node cannot be configured: {_sentence(error)}")
+            self._free()
+            return TransitionCallbackReturn.FAILURE
+        self._problems.settle_all()
+        self._settings.frozen_because = (
+            "parameters are set while the node is unconfigured: deactivate and clean up first, then configure again"
+        )
+        self._phase = "inactive"
+        self._log(Level.OK, f"configured: {self._estimator.describe()}")
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Subscribes and publishes."""
+        if self._inputs is None or self._outputs is None:
+            return TransitionCallbackReturn.ERROR
+        self._problems.settle_all()
+        try:
+            self._session = Session(self, self._new_pipeline(), self._inputs, self._outputs, self._problems)
+        except Exception as error:  # the boundary, as above
+            self._problems.report("output", Level.ERROR, f"the node cannot be activated: {_sentence(error)}")
+            return TransitionCallbackReturn.FAILURE
+        self._phase = "active"
+        self._report_transform_messages(self._inputs)
+        self._log(Level.OK, f"active, reading {', '.join(source.topic for source in self._inputs)}")
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stops reading and publishing; the network stays loaded."""
+        self._end_session(CLOSE_S)
+        self._phase = "inactive"
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Frees the network."""
+        self._free()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stops and frees everything, from any state."""
+        self._free()
+        self._phase = "finalized"
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After an error in a transition: frees everything, so that the node can be configured again."""
+        self._free()
+        return super().on_error(state)
+
+    def close(self, timeout_s: float) -> bool:
+        """Stops everything at the end of the process; False when the network was still busy after `timeout_s`."""
+        self._tick.cancel()
+        return self._end_session(timeout_s)
+
+    def report_defect(self, error: Exception) -> None:
+        """Says what came out of a callback that is not this node's own."""
+        self._log(Level.ERROR, f"a callback failed: {_sentence(error)}")
+
+    def destroy_node(self) -> None:
+        """Ends everything that the node has, its thread included."""
+        self.close(CLOSE_S)
+        LifecycleNode.destroy_node(self)
+
+    def _new_pipeline(self) -> Pipeline:
+        if self._config is None or self._estimator is None:
+            raise RadcamDepthError("the node is not configured; configure it first")
+        return Pipeline(self._config.pipeline, self._estimator, build_message)
+
+    def _end_session(self, timeout_s: float) -> bool:
+        session, self._session = self._session, None
+        if session is None or session.close(timeout_s):
+            return True
+        self._log(Level.WARN, f"the network is still busy after {timeout_s:g} s; it is left to itself")
+        return False
+
+    def _free(self) -> None:
+        self._end_session(CLOSE_S)
+        if self._outputs is not None:
+            self._outputs.destroy()
+        self._outputs = self._estimator = self._config = self._inputs = None
+        self._settings.frozen_because = ""
+        self._phase = "unconfigured"
+
+    def _report_transform_messages(self, inputs: Inputs) -> None:
+        config = self._config
+        if config and not inputs.transforms and inputs.radars and not config.pipeline.camera_from_radar:
+            self._problems.report(
+                "transforms",
+                Level.ERROR,
+                "tf2_msgs is not installed, so /tf_static cannot be read and nobody knows where the radar is: install "
+                "it (ros-jazzy-tf2-msgs), or set the parameter camera_from_radar (x y z qx qy qz qw)",
+            )
+
+    def _on_start(self) -> None:
+        if self._start is not None:
+            self.destroy_timer(self._start)
+            self._start = None
+        life: LifecycleNode = self
+        if life.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            life.trigger_activate()
+
+    def _on_tick(self) -> None:
+        try:
+            model = self._estimator.describe() if self._estimator else ""
+            snapshot = Snapshot(self._phase, model, self._session, self._outputs)
+            news = self._diagnostics.watch(self._session) if self._session else ""
+            if news:
+                self._log(Level.WARN, news)
+            statuses = self._diagnostics.statuses(snapshot)
+            self._diagnostics_publisher.publish(self._diagnostics.message(statuses, build_message))
+        except Exception as error:  # the boundary: what tells of problems must not be one
+            self._log(Level.ERROR, f"no diagnostics: {_sentence(error)}")
+
+    def _log(self, level: Level, line: str) -> None:
+        logger: RcutilsLogger = LifecycleNode.get_logger(self)
+        # rclpy wants one level for each place of a call.
+        if level >= Level.ERROR:
+            logger.error(line)
+        elif level is Level.WARN:
+            logger.warning(line)
+        else:
+            logger.info(line)
+
+
+def _with_full_names(config: NodeConfig, inputs: Inputs) -> NodeConfig:
+    """The config with the topics as they are called in the graph."""
+    pipeline: PipelineConfig = replace(
+        config.pipeline,
+        image=inputs.camera.topic,
+        camera_info=inputs.camera_info.topic,
+        radars=tuple(radar.topic for radar in inputs.radars),
+    )
+    return replace(config, pipeline=pipeline)
+
+
+def _canonical_camera(estimator: Estimator) -> CameraModel:
+    width, height = WARM_UP_SIZE
+    focal_px = estimator.card.focal_length_px
+    return CameraModel(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
+
+
+def _sentence(error: Exception) -> str:
+    """One line: the error's own when a user can mend it, with its type and place when it is a defect."""
+    text = " ".join(str(error).split())
+    if isinstance(error, RadcamDepthError):
+        return text
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {text} ({place.name} in {place.filename}:{place.lineno})"

@@ -1,0 +1,211 @@
+"""What lives while the node is active: subscriptions, pairing, the worker, and what they count."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from radcam_depth_ros.frame import Frame, RadcamDepthError
+from radcam_depth_ros.intake import IntakeError
+from radcam_depth_ros.node.arrival import ArrivalClock
+from radcam_depth_ros.node.health import SECOND_NS, Durations, Level, Problems, Rate
+from radcam_depth_ros.node.inputs import Input, Inputs, subscribe
+from radcam_depth_ros.node.mailbox import Worker
+from radcam_depth_ros.node.outputs import Outputs
+from radcam_depth_ros.pipeline import Pipeline
+
+EXPIRY_PERIOD_S = 0.02
+_IMAGES_REMEMBERED = 256
+
+
+@dataclass(frozen=True)
+class Ticket:
+    """A frame on its way to the network.
+
+    Attributes:
+        frame: The frame.
+        arrived_ns: When its image came, on the steady clock.
+    """
+
+    frame: Frame
+    arrived_ns: int
+
+
+class Session:
+    """Reads the inputs, pairs in the callbacks, runs the network in a thread, publishes.
+
+    Args:
+        node: The node.
+        pipeline: A fresh one: nothing of an earlier session is left in it.
+        inputs: What to read; the topics of the pipeline's config.
+        outputs: Where to publish.
+        problems: Where to report.
+    """
+
+    def __init__(self, node: Node, pipeline: Pipeline, inputs: Inputs, outputs: Outputs, problems: Problems) -> None:
+        self._node = node
+        self.pipeline = pipeline
+        self.inputs = inputs
+        self._outputs = outputs
+        self._problems = problems
+        self._clock = ArrivalClock(node)
+        self._image_arrivals: OrderedDict[int, int] = OrderedDict()
+        self.started_ns = time.monotonic_ns()
+        self.rates = {source.part: Rate() for source in inputs}
+        """Messages of each part, good ones and bad ones."""
+        self.accepted = {source.part: 0 for source in inputs}
+        """How many of them could be used."""
+        self.frames_in = self.frames_failed = 0
+        self.frames_out = Rate()
+        self.latency, self.processing = Durations(), Durations()
+        """From an image's arrival to its depth being published; and the network's and encoder's part of it."""
+        self.busy_since_ns: int | None = None
+        self._is_closed = False
+        self._worker: Worker[Ticket] = Worker(self._work, "radcam_depth")
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._expiry = node.create_timer(EXPIRY_PERIOD_S, self._on_expiry, clock=steady)
+        self._subscriptions: list[Subscription] = []
+        try:
+            for source in inputs:
+                self._subscriptions.append(subscribe(node, source, self._on_message, self._on_unheard))
+        except Exception:
+            self.close()
+            raise
+
+    @property
+    def frames_dropped(self) -> int:
+        """Frames that were dropped for a newer one since the network was busy."""
+        return self._worker.dropped
+
+    def close(self, timeout_s: float | None = None) -> bool:
+        """Stops reading and publishing; False when the network was still busy after `timeout_s`."""
+        self._is_closed = True
+        self._node.destroy_timer(self._expiry)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+        return self._worker.close(timeout_s)
+
+    def _on_message(self, source: Input, message: Any) -> None:
+        now_ns = time.monotonic_ns()
+        self.rates[source.part].tick(now_ns)
+        if source is self.inputs.camera:
+            self._remember(message, now_ns)
+        try:
+            frames = self.pipeline.accept(source.topic, message, self._clock.now_ns())
+        except IntakeError as error:
+            self._judge(source, message)
+            self._on_unusable_image(error)
+        except RadcamDepthError as error:
+            self._problems.report(source.part, Level.ERROR, str(error))
+        except Exception as error:  # the boundary: a message must never take the node down
+            self._on_defect(source.part, error)
+        else:
+            self._judge(source, message)
+            self._hand_over(frames)
+
+    def _on_expiry(self) -> None:
+        try:
+            frames = self.pipeline.expire(self._clock.now_ns())
+        except RadcamDepthError as error:
+            self._on_unusable_image(error)
+        except Exception as error:  # the boundary, as above
+            self._on_defect("pairing", error)
+        else:
+            self._hand_over(frames)
+
+    def _judge(self, source: Input, message: Any) -> None:
+        """Takes note of a message that could be read, and of what can be wrong with it all the same."""
+        self.accepted[source.part] += 1
+        if source is self.inputs.camera and not message.header.frame_id and not self.pipeline.config.camera_frame:
+            self._problems.report(
+                source.part,
+                Level.WARN,
+                f"expected a frame_id in the images on {source.topic}, got an empty one, so the depth has none either; "
+                "set it in the driver, or set the parameter camera_frame",
+            )
+            return
+        dropped = self.pipeline.dropped_returns.get(source.topic, 0)
+        if dropped:
+            self._problems.report(
+                source.part,
+                Level.WARN,
+                f"expected finite positions on {source.topic}, got {dropped} returns with NaN or infinity, which are "
+                "left out; look at the driver's filter",
+            )
+        else:
+            self._problems.settle(source.part)
+
+    def _hand_over(self, frames: tuple[Frame, ...]) -> None:
+        if frames:
+            self._problems.settle("frame")
+        for frame in frames:
+            self.frames_in += 1
+            arrived_ns = self._image_arrivals.pop(frame.stamp_ns, time.monotonic_ns())
+            self._worker.put(Ticket(frame, arrived_ns))
+
+    def _work(self, ticket: Ticket) -> None:
+        started_ns = self.busy_since_ns = time.monotonic_ns()
+        try:
+            messages = self.pipeline.process(
+                ticket.frame, preview=self._outputs.is_wanted("preview"), points=self._outputs.is_wanted("points")
+            )
+            self._outputs.publish(messages)
+        except RadcamDepthError as error:
+            self.frames_failed += 1
+            self._problems.report("inference", Level.ERROR, str(error))
+        except Exception as error:  # the boundary: a frame must never take the worker down
+            self.frames_failed += 1
+            if not self._is_closed:
+                self._on_defect("inference", error)
+        else:
+            now_ns = time.monotonic_ns()
+            self.processing.add(now_ns - started_ns)
+            self.latency.add(now_ns - ticket.arrived_ns)
+            self.frames_out.tick(now_ns)
+            self._problems.settle("inference")
+            self._judge_view(len(ticket.frame.radar), messages.result.radar_in_view)
+        finally:
+            self.busy_since_ns = None
+
+    def _judge_view(self, returns: int, in_view: int) -> None:
+        if returns and not in_view:
+            self._problems.report(
+                "view",
+                Level.WARN,
+                f"expected radar returns in view of the camera, got 0 of {returns}: all are behind it, outside of its "
+                "image or too far away; check the extrinsics and the radar's frame_id",
+            )
+        elif returns:
+            self._problems.settle("view")
+
+    def _on_unusable_image(self, error: Exception) -> None:
+        # Where camera_info itself is the problem, that it is missing is no news.
+        is_news = self._problems.peek("camera_info") is None and self._problems.peek("transforms") is None
+        self._problems.report("frame", Level.ERROR, str(error), quietly=not is_news)
+
+    def _on_unheard(self, part: str, sentence: str) -> None:
+        self._problems.report(part, Level.ERROR, sentence)
+
+    def _on_defect(self, part: str, error: Exception) -> None:
+        self._problems.report(
+            part,
+            Level.ERROR,
+            f"this was skipped: an unexpected {type(error).__name__}: {error}; it is a defect of radcam_depth_ros, "
+            "please report it with the message that caused it",
+        )
+        self._node.get_logger().debug("".join(traceback.format_exception(error)))
+
+    def _remember(self, message: Any, now_ns: int) -> None:
+        stamp = message.header.stamp
+        self._image_arrivals[int(stamp.sec) * SECOND_NS + int(stamp.nanosec)] = now_ns
+        if len(self._image_arrivals) > _IMAGES_REMEMBERED:
+            self._image_arrivals.popitem(last=False)

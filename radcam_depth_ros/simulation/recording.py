@@ -1,0 +1,167 @@
+"""A simulated drive as a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from radcam_depth_ros import messages
+from radcam_depth_ros.bags import BagWriter, factory
+from radcam_depth_ros.geometry import RigidTransform
+from radcam_depth_ros.simulation import rig as frames_of
+from radcam_depth_ros.simulation.camera import render
+from radcam_depth_ros.simulation.configuration import SimulationConfig, SimulationError
+from radcam_depth_ros.simulation.ego import Motion
+from radcam_depth_ros.simulation.lens import Lens
+from radcam_depth_ros.simulation.lidar import sweep_lidar
+from radcam_depth_ros.simulation.radar import sweep_imaging_radar, sweep_radar
+from radcam_depth_ros.simulation.randomness import Stream, generator
+from radcam_depth_ros.simulation.rig import draw_rig
+from radcam_depth_ros.simulation.scene import Scene
+from radcam_depth_ros.simulation.shading import Shader
+from radcam_depth_ros.simulation.timetable import LEAD_S, Event, Sensor, draw_timetable
+from radcam_depth_ros.simulation.world import World
+
+Progress = Callable[[int, int], None]
+
+
+def simulate(
+    config: SimulationConfig,
+    seed: int,
+    frames: int,
+    out: Path | str,
+    *,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> None:
+    """Simulates a drive and writes it as a bag, whole or not at all.
+
+    Args:
+        config: What to simulate.
+        seed: Decides the world, the drive and all noise, at least 0; the same seed and configuration give the same
+            messages.
+        frames: Number of images, at least 1.
+        out: A rosbag2 folder, or a file that ends in .mcap.
+        overwrite: Replace a bag that is there.
+        progress: Called after each image with the number of images done and of all.
+
+    Raises:
+        SimulationError: for a seed or a number of frames that is out of range.
+        BagError: when the bag cannot be written.
+    """
+    if not 0 <= seed < 2**63:
+        raise SimulationError(f"a seed must be a whole number from 0 to 2^63 - 1, got {seed}")
+    if frames < 1:
+        raise SimulationError(f"a drive needs at least 1 frame, got {frames}")
+    with BagWriter(out, overwrite=overwrite) as writer:
+        Drive(config, seed, frames).record(writer, progress)
+
+
+class Drive:
+    """A world with the sensors that are driven through it."""
+
+    def __init__(self, config: SimulationConfig, seed: int, frames: int) -> None:
+        """Builds the world of a seed; see `simulate`."""
+        self.config, self._seed, self._frames = config, seed, frames
+        self.world = World(seed, config.world, LEAD_S + frames / config.camera.rate_hz + 1.0)
+        self.rig = draw_rig(seed, config.camera)
+        lens = generator(seed, Stream.LENS)
+        low, high = config.camera.min_jpeg_quality, config.camera.max_jpeg_quality
+        self._quality = low + int(float(lens.random()) * (high - low + 0.999))
+        self._lens = Lens(lens, config.camera.width, config.camera.height)
+        self._shader = Shader(
+            generator(seed, Stream.LENS, 1), self.world.atlas, self.world.light, self.world.style.wetness
+        )
+
+    def record(self, writer: BagWriter, progress: Progress | None = None) -> None:
+        """Writes all messages in the order of their stamps."""
+        events = draw_timetable(self._seed, self.config, self._frames)
+        self._write_static_transforms(writer, self.stamp_ns(events[0].time_s))
+        record = {
+            Sensor.ODOMETRY: self._write_odometry,
+            Sensor.RADAR: self._write_radar,
+            Sensor.IMAGING_RADAR: self._write_imaging_radar,
+            Sensor.LIDAR: self._write_lidar,
+            Sensor.CAMERA: self._write_image,
+        }
+        for event in events:
+            record[event.sensor](writer, event)
+            if progress is not None and event.sensor is Sensor.CAMERA:
+                progress(event.index + 1, self._frames)
+
+    def stamp_ns(self, time_s: float) -> int:
+        """The stamp of a time in the drive."""
+        return round(self.config.start_s * 1_000_000_000) + round((time_s - LEAD_S) * 1_000_000_000)
+
+    def _at(self, event: Event, frame: str) -> tuple[Scene, Motion, RigidTransform]:
+        scene, motion = self.world.scene_at(event.time_s), self.world.ego.motion(event.time_s)
+        return scene, motion, motion.world_from_base @ self.rig.footprint_from(frame)
+
+    def _random(self, stream: Stream, event: Event) -> np.random.Generator:
+        return generator(self._seed, stream, event.index)
+
+    def _write_static_transforms(self, writer: BagWriter, stamp_ns: int) -> None:
+        links = [(frames_of.FOOTPRINT, frames_of.BASE, self.rig.footprint_from_base)]
+        links += [(frames_of.BASE, frame, pose) for frame, pose in self.rig.base_from_sensor.items()]
+        stamped = [messages.StampedTransform(parent, child, stamp_ns, pose) for parent, child, pose in links]
+        writer.write("/tf_static", messages.encode_transforms(factory, stamped), stamp_ns)
+
+    def _write_odometry(self, writer: BagWriter, event: Event) -> None:
+        motion, stamp_ns = self.world.ego.motion(event.time_s), self.stamp_ns(event.time_s)
+        into_base = motion.world_from_base.rotation.T
+        noise = self._random(Stream.ODOMETRY, event).normal(0, self.config.odometry.speed_noise_mps, 3)
+        reading = messages.OdometryReading(
+            stamp_ns,
+            frames_of.ODOMETRY,
+            frames_of.FOOTPRINT,
+            motion.world_from_base,
+            into_base @ motion.velocity + noise * np.array([1.0, 0.0, 0.0]),
+            into_base @ motion.rotation_rate,
+        )
+        writer.write("/odom", messages.encode_odometry(factory, reading), stamp_ns)
+        link = messages.StampedTransform(frames_of.ODOMETRY, frames_of.FOOTPRINT, stamp_ns, motion.world_from_base)
+        writer.write("/tf", messages.encode_transforms(factory, [link]), stamp_ns)
+
+    def _write_radar(self, writer: BagWriter, event: Event) -> None:
+        scene, motion, pose = self._at(event, frames_of.RADAR)
+        velocity = motion.velocity_at(self.rig.footprint_from(frames_of.RADAR).translation)
+        columns = sweep_radar(scene, pose, velocity, self.config.radar, self._random(Stream.RADAR, event))
+        stamp_ns = self.stamp_ns(event.time_s)
+        writer.write("/radar/points", messages.encode_points(factory, columns, stamp_ns, frames_of.RADAR), stamp_ns)
+
+    def _write_imaging_radar(self, writer: BagWriter, event: Event) -> None:
+        scene, motion, pose = self._at(event, frames_of.IMAGING_RADAR)
+        velocity = motion.velocity_at(self.rig.footprint_from(frames_of.IMAGING_RADAR).translation)
+        rng = self._random(Stream.IMAGING_RADAR, event)
+        columns = sweep_imaging_radar(scene, pose, velocity, self.config.imaging_radar, rng)
+        stamp_ns = self.stamp_ns(event.time_s)
+        cloud = messages.encode_points(factory, columns, stamp_ns, frames_of.IMAGING_RADAR)
+        writer.write("/radar_4d/points", cloud, stamp_ns)
+
+    def _write_lidar(self, writer: BagWriter, event: Event) -> None:
+        scene, _, pose = self._at(event, frames_of.LIDAR)
+        columns = sweep_lidar(scene, pose, self.config.lidar, self._random(Stream.LIDAR, event))
+        stamp_ns = self.stamp_ns(event.time_s)
+        writer.write("/lidar/points", messages.encode_points(factory, columns, stamp_ns, frames_of.LIDAR), stamp_ns)
+
+    def _write_image(self, writer: BagWriter, event: Event) -> None:
+        scene, _, pose = self._at(event, frames_of.CAMERA)
+        config, rng = self.config.camera, self._random(Stream.CAMERA, event)
+        view = render(scene, self.rig.camera, pose, self._shader, config.edge_samples, rng)
+        image = self._lens.develop(view.radiance, rng)
+        stamp_ns, frame = self.stamp_ns(event.time_s), frames_of.CAMERA
+        if config.jpeg:
+            compressed = messages.encode_compressed_image(factory, image, stamp_ns, frame, self._quality)
+            writer.write("/camera/image_raw/compressed", compressed, stamp_ns)
+        else:
+            writer.write("/camera/image_raw", messages.encode_image(factory, image, stamp_ns, frame), stamp_ns)
+        info = messages.encode_camera_info(factory, self.rig.camera, stamp_ns, frame)
+        writer.write("/camera/camera_info", info, stamp_ns)
+        if config.depth:
+            depth = messages.encode_depth(factory, view.depth_m, stamp_ns, frame)
+            writer.write("/ground_truth/depth", depth, stamp_ns)
+        if config.classes:
+            labels = messages.encode_image(factory, view.label, stamp_ns, frame)
+            writer.write("/ground_truth/classes", labels, stamp_ns)

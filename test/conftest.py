@@ -1,0 +1,81 @@
+"""What all tests share: an own ROS domain for each worker, the real drives, small drives made by hand."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import warnings
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+import torch
+from small_drive import CAMERA_FROM_RADAR, START_NS, small_messages
+
+from radcam_depth_ros import networks
+from radcam_depth_ros.bags import BagWriter, factory
+from radcam_depth_ros.messages import StampedTransform, encode_transforms
+from radcam_depth_ros.networks import archive
+
+# The environment of the nodes in the tests: nothing leaves this machine, and parallel workers do not hear each other.
+_WORKER = int("".join(filter(str.isdigit, os.environ.get("PYTEST_XDIST_WORKER", "0"))) or "0")
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ.setdefault("ROS_DOMAIN_ID", str(60 + _WORKER))
+
+with warnings.catch_warnings(), suppress(ImportError):
+    # ROS's generator loads a parser that imports a deprecated module, once, with the first message.
+    warnings.simplefilter("ignore", DeprecationWarning)
+    importlib.import_module("rosidl_generator_py")
+
+REAL_DRIVES = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _quiet_machine(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """ROS logs to a temporary folder; one thread for torch, so that results do not depend on the machine's load."""
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+    torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def astyx_val() -> Path:
+    """A real drive, which is not part of this project."""
+    return _real_drive("astyx_val")
+
+
+def _real_drive(name: str) -> Path:
+    path = REAL_DRIVES / name
+    if not path.exists():
+        pytest.skip(f"the real drive {name} is not on this machine")
+    return path
+
+
+@pytest.fixture(scope="session")
+def write_drive() -> Callable[..., Path]:
+    """Writes a drive of 96 x 64 pixels: `write_drive(path, frames=5, without=("/radar/points",))`."""
+
+    def write(path: Path, frames: int = 5, without: Collection[str] = ()) -> Path:
+        transform = encode_transforms(factory, [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)])
+        with BagWriter(path) as writer:
+            if "/tf_static" not in without:
+                writer.write("/tf_static", transform, START_NS - 200_000_000, "tf2_msgs/msg/TFMessage")
+            for index in range(frames):
+                for topic, type_name, message, time_ns in small_messages(factory, index):
+                    if topic not in without:
+                        writer.write(topic, message, time_ns, type_name)
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def small_weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A `baff` with random weights whose returns win pixels."""
+    torch.manual_seed(3)
+    network = networks.create("baff")
+    with torch.no_grad():
+        network.get_parameter("association.point_head.bias").add_(3.0)
+    path = tmp_path_factory.mktemp("weights") / "baff.safetensors"
+    archive.save(network, archive.Card.of(network, "baff", "nothing"), path)
+    return path

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_drive import CAMERA_FROM_RADAR
+
+from demo.plan import _ground, plan_drive
+from radcam_depth_ros.bags import BagError
+from radcam_depth_ros.geometry import GeometryError, RigidTransform
+from radcam_depth_ros.intake import level_ground
+
+
+def test_the_node_is_set_for_the_bag(write_drive: Callable[..., Path], tmp_path: Path) -> None:
+    plan = plan_drive(write_drive(tmp_path / "drive.mcap"))
+    parameters: Any = plan.parameters
+    assert parameters["image_topic"] == "/camera/image_raw"
+    assert parameters["image_transport"] == "raw"
+    assert parameters["camera_info_topic"] == "/camera/camera_info"
+    assert parameters["radar_topics"] == ["/radar/points"]
+    assert parameters["use_sim_time"] is True
+    extrinsics = RigidTransform.from_quaternion(
+        parameters["camera_from_radar"][:3], parameters["camera_from_radar"][3:]
+    )
+    np.testing.assert_allclose(extrinsics.rotation, CAMERA_FROM_RADAR.rotation, atol=1e-9)
+    np.testing.assert_allclose(extrinsics.translation, CAMERA_FROM_RADAR.translation, atol=1e-9)
+    assert set(plan.played) == {"/camera/image_raw", "/camera/camera_info", "/radar/points"}
+    assert plan.images == 5
+    assert not plan.remappings
+
+
+def test_the_parameter_file_is_for_the_node(write_drive: Callable[..., Path], tmp_path: Path) -> None:
+    plan = plan_drive(write_drive(tmp_path / "drive.mcap"), tmp_path / "mine.safetensors")
+    plan.write_parameters(tmp_path / "node.yaml")
+    content = yaml.safe_load((tmp_path / "node.yaml").read_text(encoding="utf-8"))
+    assert content == {"radcam_depth": {"ros__parameters": plan.parameters}}
+    assert content["radcam_depth"]["ros__parameters"]["model_file"] == str(tmp_path / "mine.safetensors")
+
+
+def test_a_real_drive_is_compressed_and_without_a_road(astyx_val: Path) -> None:
+    plan = plan_drive(astyx_val)
+    assert plan.parameters["image_topic"] == "/camera_front/image_raw"
+    assert plan.parameters["image_transport"] == "compressed"
+    assert not plan.remappings
+    assert "camera_height_m" not in plan.parameters
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(0.2, 5.0), st.floats(-60, 60), st.floats(-170, 170))
+def test_the_road_is_the_one_of_the_parameters(height_m: float, pitch_deg: float, roll_deg: float) -> None:
+    parameters: Any = _ground(level_ground(height_m, pitch_deg, roll_deg))
+    assert parameters["camera_height_m"] == pytest.approx(height_m)
+    assert parameters["camera_pitch_deg"] == pytest.approx(pitch_deg, abs=1e-4)
+    assert parameters["camera_roll_deg"] == pytest.approx(roll_deg, abs=1e-4)
+
+
+def test_a_bag_without_a_sensor_is_refused(write_drive: Callable[..., Path], tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="camera_info"):
+        plan_drive(write_drive(tmp_path / "drive.mcap", without=("/camera/camera_info",)))
+
+
+def test_a_bag_without_transforms_is_refused(write_drive: Callable[..., Path], tmp_path: Path) -> None:
+    with pytest.raises(GeometryError, match="radar"):
+        plan_drive(write_drive(tmp_path / "drive.mcap", without=("/tf_static",)))

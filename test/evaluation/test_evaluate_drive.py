@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from radcam_depth_ros.drive import Sample
+from radcam_depth_ros.evaluation.baselines import ASSUMED_HEIGHT_M
+from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive, resize_result
+from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
+from radcam_depth_ros.evaluation.summary import Latency
+from radcam_depth_ros.evaluation.tables import Table, facts_of, tables_of
+from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, GroundPlane, RadarReturns
+
+CAMERA = CameraModel(64, 48, 50.0, 50.0, 31.5, 23.5)
+
+
+def make_sample(depth_m=20.0, stamp_ns=0, ground=None, classes=None, source="exact"):
+    shape = (CAMERA.height, CAMERA.width)
+    image = np.zeros((*shape, 3), np.uint8)
+    radar = RadarReturns.from_points([(0.0, 0.0, 15.0)])
+    frame = Frame(stamp_ns, "camera", image, CAMERA, radar, ground or GroundPlane())
+    return Sample(frame, ("/radar",), np.full(shape, depth_m, np.float32), source, classes)
+
+
+def result_of(frame, dense_m=21.0, semi_dense_m=22.0, camera=CAMERA):
+    shape = (camera.height, camera.width)
+    semi_dense = np.full(shape, np.nan, np.float32)
+    semi_dense[: camera.height // 4] = semi_dense_m
+    dense = np.full(shape, dense_m, np.float32)
+    return DepthResult(frame.stamp_ns, "camera", camera, dense, semi_dense, np.ones(shape, np.float32), 1)
+
+
+def test_a_drive_is_measured():
+    evaluation = evaluate_drive([make_sample(20.0), make_sample(60.0)], result_of, EvaluationSettings("stub"))
+    assert (evaluation.network, evaluation.frames, evaluation.frames_missing) == ("stub", 2, 0)
+    assert evaluation.ground_truth == "exact"
+    assert evaluation.has_ground_truth
+    assert evaluation.dense.within(50).mae == pytest.approx(1.0)
+    assert evaluation.dense.within(70).mae == pytest.approx((1.0 + 39.0) / 2)
+    assert [entry.frames for entry in evaluation.dense.bins] == [0, 1, 0, 1]
+    assert evaluation.semi_dense.coverage == pytest.approx(0.25)
+    assert evaluation.semi_dense.metrics[0].mae == pytest.approx(2.0)
+    assert evaluation.ground_nearest.within(50).frames == 1
+    with pytest.raises(EvaluationError, match="50, 70, 80 m, got 60 m"):
+        evaluation.dense.within(60)
+
+
+def test_the_json_has_what_is_promised():
+    plain = json.loads(json.dumps(evaluate_drive([make_sample()], result_of).as_json(), allow_nan=False))
+    for group in (plain["dense"], plain["baselines"]["ground_nearest"], plain["semi_dense"]):
+        for name in ("50", "70", "80"):
+            assert set(MEASURES) <= set(group[name])
+            assert all(isinstance(group[name][key], float) for key in MEASURES)
+    assert set(plain["by_range"]) == {"0-10", "10-30", "30-50", "50-100"}
+    assert plain["by_range"]["30-50"]["mae"] is None
+    assert (plain["semi_dense"]["coverage"], plain["semi_dense"]["mae"]) == pytest.approx((0.25, 2.0))
+    assert plain["frames"] == 1
+    assert plain["network"] == "network"
+    assert plain["latency_ms"]["p99"] >= plain["latency_ms"]["p50"] > 0
+
+
+def test_a_frame_without_depth_is_counted_and_left_out():
+    samples = [make_sample(20.0, stamp_ns) for stamp_ns in range(3)]
+    evaluation = evaluate_drive(samples, lambda frame: None if frame.stamp_ns == 1 else result_of(frame))
+    assert (evaluation.frames, evaluation.frames_missing) == (3, 1)
+    assert evaluation.dense.within(80).frames == 2
+    assert evaluation.ground_nearest.within(80).frames == 2
+    assert any(fact.name == "frames without depth" and fact.value == "1" for fact in facts_of(evaluation))
+
+
+def test_a_drive_without_ground_truth_gives_no_numbers():
+    evaluation = evaluate_drive([make_sample(math.nan, source="none")], result_of)
+    assert not evaluation.has_ground_truth
+    assert evaluation.semi_dense.coverage == pytest.approx(0.25)
+    assert evaluation.as_json()["dense"]["80"]["mae"] is None
+    assert all("nan" not in cell for table in tables_of(evaluation) for row in table.rows for cell in row)
+
+
+def test_a_drive_without_frames_is_refused():
+    with pytest.raises(EvaluationError, match="at least one image"):
+        evaluate_drive([], result_of)
+
+
+@pytest.mark.parametrize(
+    ("ground", "given_m", "height_m", "source"),
+    [
+        (GroundPlane(1.9), None, 1.9, "frame"),
+        (GroundPlane(1.9), 1.9, 1.9, "given"),
+        (GroundPlane(), 2.1, 2.1, "given"),
+        (GroundPlane(), None, ASSUMED_HEIGHT_M, "assumed"),
+    ],
+)
+def test_where_the_camera_s_height_comes_from_is_said(ground, given_m, height_m, source):
+    settings = EvaluationSettings(camera_height_m=given_m)
+    evaluation = evaluate_drive([make_sample(ground=ground)], result_of, settings)
+    assert (evaluation.camera_height_m, evaluation.camera_height_source) == (height_m, source)
+    baseline = evaluation.as_json()["baselines"]["ground_nearest"]
+    assert (baseline["camera_height_m"], baseline["camera_height_source"]) == (height_m, source)
+
+
+def test_classes_are_measured_apart():
+    classes = np.zeros((48, 64), np.uint8)
+    classes[:10] = 10
+    classes[10:20] = 13
+    classes[20:22] = 255
+    sample = make_sample(20.0, classes=classes)
+    sample.depth_m[:10] = np.inf
+    sample.depth_m[10:20] = 25.0
+    evaluation = evaluate_drive([sample], result_of)
+    assert {entry.name: entry.mae for entry in evaluation.by_class} == pytest.approx({"road": 1.0, "car": 4.0})
+    assert tables_of(evaluation)[-1].title.startswith("By class")
+
+
+def test_predictions_may_be_clipped_elsewhere():
+    def far(frame):
+        return result_of(frame, 90.0)
+
+    assert evaluate_drive([make_sample()], far).dense.within(50).mae == pytest.approx(30.0)
+    evaluation = evaluate_drive([make_sample()], far, EvaluationSettings(clip_m=80.0))
+    assert evaluation.dense.within(50).mae == pytest.approx(60.0)
+    assert evaluation.as_json()["clip_m"] == 80.0
+
+
+@pytest.mark.parametrize("setting", [{"clip_m": 0.0}, {"camera_height_m": math.nan}, {"camera_height_m": -1.0}])
+def test_impossible_settings_are_refused(setting):
+    with pytest.raises(EvaluationError, match="positive number of metres"):
+        EvaluationSettings(**setting)
+
+
+def test_whoever_looks_on_sees_every_frame():
+    seen = []
+    evaluate_drive([make_sample(20.0, 5), make_sample(30.0, 6)], result_of, observe=seen.append)
+    assert [observation.index for observation in seen] == [0, 1]
+    assert [observation.sample.frame.stamp_ns for observation in seen] == [5, 6]
+    assert [observation.mae_m for observation in seen] == pytest.approx([1.0, 9.0])
+    assert seen[0].geometry_m.shape == (48, 64)
+
+
+@pytest.mark.parametrize("size", [(32, 24), (128, 96), (64, 47)])
+def test_depth_of_another_size_is_brought_to_the_truth_s(size):
+    camera = CameraModel(*size, 25.0, 25.0, 15.5, 11.5)
+    sample = make_sample(20.0)
+    result = resize_result(result_of(sample.frame, 21.0, 22.0, camera), sample.frame)
+    assert result.camera == CAMERA
+    assert (result.dense == np.float32(21.0)).all()
+    assert set(np.unique(result.semi_dense[np.isfinite(result.semi_dense)])) == {22.0}
+    assert np.isfinite(result.semi_dense).mean() == pytest.approx(0.25, abs=0.03)
+    evaluation = evaluate_drive([sample], lambda frame: result_of(frame, camera=camera))
+    assert evaluation.dense.within(80).mae == pytest.approx(1.0)
+
+
+def test_depth_of_another_shape_is_refused():
+    sample = make_sample()
+    camera = CameraModel(64, 96, 50.0, 50.0, 31.5, 47.5)
+    with pytest.raises(EvaluationError, match=r"64 x 48 image .* got 64 x 96"):
+        evaluate_drive([sample], lambda frame: result_of(frame, camera=camera))
+
+
+def test_latency_leaves_the_first_frame_out():
+    assert Latency.of([9.0, 0.1, 0.1]).p99_ms == pytest.approx(100.0)
+    assert Latency.of([0.2]).p50_ms == pytest.approx(200.0)
+    assert math.isnan(Latency.of([]).p50_ms)
+
+
+def test_tables_say_what_was_measured():
+    evaluation = evaluate_drive([make_sample(20.0), make_sample(60.0)], result_of)
+    summary = tables_of(evaluation)[0]
+    assert summary.columns == ("", "MAE 50", "MAE 70", "MAE 80", "RMSE 50", "RMSE 70", "RMSE 80")
+    assert [row[0] for row in summary.rows] == ["dense", "semi-dense", "geometry alone"]
+    assert summary.rows[0][1:4] == ("1.00", "20.00", "20.00")
+    facts = {fact.name: fact.value for fact in facts_of(evaluation)}
+    assert facts["semi-dense coverage"] == "25.0 %"
+    assert "assumed" in facts["camera above the road"]
+    with pytest.raises(EvaluationError, match="2 columns, but 1 cells"):
+        Table("odd", ("a", "b"), (("1",),))
+
+
+def test_an_evaluation_is_a_value():
+    evaluation = evaluate_drive([make_sample()], result_of)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        evaluation.frames = 2

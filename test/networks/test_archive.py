@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+import yaml
+from safetensors.torch import load_file, save_file
+
+from radcam_depth_ros import networks
+from radcam_depth_ros.files import FileError
+from radcam_depth_ros.networks import Depths, archive
+from radcam_depth_ros.networks.archive import ArchiveError, Card
+
+ARCHITECTURE = {"channel_attention": False, "position_attention": False, "bidirectional": False}
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    torch.manual_seed(0)
+    path = tmp_path_factory.mktemp("weights") / "baff.safetensors"
+    network = networks.create("baff", ARCHITECTURE)
+    archive.save(network, Card.of(network, "baff", "nothing", {"mae_80_m": 1.5}), path)
+    return path
+
+
+@pytest.fixture
+def copied(weights: Path, tmp_path: Path) -> Path:
+    for suffix in (".safetensors", ".yaml"):
+        source = weights.with_suffix(suffix)
+        (tmp_path / source.name).write_bytes(source.read_bytes())
+    return tmp_path / weights.name
+
+
+def inputs() -> tuple[torch.Tensor, ...]:
+    radar = torch.tensor([[[40.0, 30, 20, 5, 1, 0]]])
+    return torch.rand(1, 3, 64, 96), radar, torch.ones(1, 1, dtype=torch.bool), torch.full((1, 3), float("nan"))
+
+
+def run(module: torch.nn.Module, given: tuple[torch.Tensor, ...]) -> Depths:
+    with torch.inference_mode():
+        return Depths(*module(*given))
+
+
+def test_weights_come_back_in_half_precision(weights: Path) -> None:
+    loaded = archive.load(weights)
+    assert loaded.card.network == "baff"
+    assert loaded.card.architecture["bidirectional"] is False
+    assert loaded.card.metrics == {"mae_80_m": 1.5}
+    assert all(value.dtype in (torch.float16, torch.int64) for value in load_file(weights).values())
+    torch.manual_seed(0)
+    original = networks.create("baff", ARCHITECTURE).eval()
+    given = inputs()
+    torch.testing.assert_close(run(loaded.network, given).dense, run(original, given).dense, rtol=2e-2, atol=2e-2)
+
+
+def test_an_export_is_self_contained_and_equal(weights: Path, tmp_path: Path) -> None:
+    loaded = archive.load(weights)
+    archive.export(loaded, tmp_path / "baff.pt")
+    exported = archive.load(tmp_path / "baff.pt")
+    assert exported.card == loaded.card
+    given = inputs()
+    for a, b in zip(run(loaded.network, given), run(exported.network, given), strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["baff.pt"]
+
+
+def test_what_ships_loads_and_names_its_training() -> None:
+    for name in networks.names():
+        if archive.shipped(name).exists():
+            loaded = archive.load(name)
+            assert loaded.card.network == name
+            assert loaded.card.training_data
+            assert archive.shipped(name).stat().st_size < 40e6
+
+
+def test_missing_files(tmp_path: Path) -> None:
+    with pytest.raises(ArchiveError, match="no weight file at"):
+        archive.load(tmp_path / "none.safetensors")
+
+
+def test_a_missing_card(copied: Path) -> None:
+    copied.with_suffix(".yaml").unlink()
+    with pytest.raises(ArchiveError, match=r"have no card; expected baff\.yaml"):
+        archive.load(copied)
+
+
+def test_corrupt_weights(copied: Path) -> None:
+    data = bytearray(copied.read_bytes())
+    data[-100] ^= 255
+    copied.write_bytes(data)
+    with pytest.raises(ArchiveError, match="sha256 differs"):
+        archive.load(copied)
+
+
+def rewrite_card(path: Path, **changes: object) -> None:
+    card = yaml.safe_load(path.with_suffix(".yaml").read_text())
+    card.update(changes)
+    path.with_suffix(".yaml").write_text(yaml.safe_dump(card))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"card_format": 99}, "card format 99"),
+        ({"focal_length_px": 100.0}, "contradicts itself: focal_length_px"),
+        ({"network": "other"}, "unknown network 'other'"),
+        ({"architecture": {"bidirectional": True}}, "does not fit its architecture: it lacks the tensor"),
+        ({"architecture": {**ARCHITECTURE, "embedding_dims": 16}}, "should be"),
+        ({"surprise": 1}, "unknown key surprise"),
+    ],
+)
+def test_cards_that_do_not_fit(copied: Path, changes: dict[str, object], message: str) -> None:
+    rewrite_card(copied, **changes)
+    with pytest.raises(archive.RadcamDepthError, match=message):
+        archive.load(copied)
+
+
+def test_a_card_that_is_no_card(copied: Path) -> None:
+    copied.with_suffix(".yaml").write_text("- 1")
+    with pytest.raises(ArchiveError, match="holds no card"):
+        archive.load(copied)
+
+
+def test_weights_that_are_not_finite(copied: Path) -> None:
+    tensors = load_file(copied)
+    name = next(key for key, value in tensors.items() if value.is_floating_point())
+    tensors[name].view(-1)[0] = float("nan")
+    save_file(tensors, copied)
+    rewrite_card(copied, sha256=archive._sha256(copied))
+    with pytest.raises(ArchiveError, match="not finite"):
+        archive.load(copied)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a network", b"PK\x03\x04 broken"])
+def test_foreign_files(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "foreign.pt"
+    path.write_bytes(content)
+    with pytest.raises(ArchiveError, match=r"neither \.safetensors nor a TorchScript file"):
+        archive.load(path)
+
+
+def test_a_pickle_is_not_loaded(tmp_path: Path) -> None:
+    torch.save({"weights": torch.zeros(3)}, tmp_path / "pickle.pt")
+    with pytest.raises(ArchiveError, match=r"neither \.safetensors nor"):
+        archive.load(tmp_path / "pickle.pt")
+
+
+def test_nothing_half_written_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(archive, "save_file", fail)
+    network = networks.create("baff", ARCHITECTURE)
+    with pytest.raises(FileError, match="disk full"):
+        archive.save(network, Card.of(network, "baff", "nothing"), tmp_path / "baff.safetensors")
+    assert list(tmp_path.iterdir()) == []

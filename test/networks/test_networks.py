@@ -1,0 +1,233 @@
+"""What every network in the registry must hold."""
+
+from __future__ import annotations
+
+import itertools
+import resource
+import subprocess
+import sys
+import warnings
+
+import pytest
+import torch
+from torch import Tensor
+
+from radcam_depth_ros import networks
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.networks import ArchitectureError, archive
+from radcam_depth_ros.networks.interface import Network
+
+Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
+FORMS = [
+    ("baff", {"association": "embedding"}),
+    ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
+]
+SIZES = [(32, 32), (64, 96), (96, 64)]
+COUNTS = [0, 1, 9]
+
+
+def make_inputs(batch: int, height: int, width: int, count: int, seed: int = 0) -> Inputs:
+    generator = torch.Generator().manual_seed(seed)
+    radar = torch.rand(batch, count, 6, generator=generator)
+    radar = radar * torch.tensor([1.2 * width, height, 80.0, 20.0, 10.0, 0.1]) + torch.tensor([-5.0, 0, 2, 0, 0, 0])
+    if count > 1:
+        radar[:, 1, 3:] = float("nan")
+    valid = torch.rand(batch, count, generator=generator) > 0.2
+    ground = torch.tensor([[0.0, 1 / 630 / 1.5, -0.03]]).repeat(batch, 1)
+    ground[-1] = float("nan")
+    return torch.rand(batch, 3, height, width, generator=generator), radar, valid, ground
+
+
+def make_network(name: str, architecture: dict[str, object], seed: int = 0) -> Network:
+    torch.manual_seed(seed)
+    network = networks.create(name, architecture)
+    # As after some training: every return wins some pixels, and attention takes part.
+    with torch.no_grad():
+        for key, parameter in network.named_parameters():
+            if key.endswith(("alpha", "beta")):
+                parameter.fill_(0.5)
+            if key.endswith(("point_head.bias", "association.head.bias")):
+                parameter.add_(3.0)
+    return network.eval()
+
+
+@pytest.fixture(params=FORMS, ids=lambda form: "-".join([form[0], str(form[1]["association"])]))
+def form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
+    found: tuple[str, dict[str, object]] = request.param
+    return found
+
+
+def test_every_network_is_tried_here() -> None:
+    assert {name for name, _ in FORMS} == set(networks.names())
+
+
+@pytest.mark.parametrize(("size", "count"), list(itertools.product(SIZES, COUNTS)))
+def test_shapes_ranges_and_missing_values(
+    form: tuple[str, dict[str, object]], size: tuple[int, int], count: int
+) -> None:
+    network = make_network(*form)
+    with torch.inference_mode():
+        depths = network(*make_inputs(2, *size, count))
+    for value in depths:
+        assert value.shape == (2, 1, *size)
+        assert value.dtype == torch.float32
+    config = network.config
+    assert ((depths.dense >= config.min_depth_m) & (depths.dense <= config.max_depth_m * 1.0001)).all()
+    assert ((depths.confidence >= 0) & (depths.confidence <= 1)).all()
+    assert not torch.isinf(depths.semi_dense).any()
+    if count == 0:
+        assert torch.isnan(depths.semi_dense).all()
+
+
+def test_semi_dense_depths_are_those_of_returns_within_their_regions(form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*form)
+    inputs = make_inputs(1, 64, 512, 6)
+    with torch.inference_mode():
+        semi_dense = network(*inputs).semi_dense[0, 0]
+    covered = ~torch.isnan(semi_dense)
+    assert covered.any()
+    radar, valid = inputs[1][0], inputs[2][0]
+    for value in semi_dense[covered].unique():
+        owners = radar[valid & (radar[:, 2] == value)]
+        assert len(owners) == 1, "a depth that no valid return has"
+        columns = torch.nonzero((semi_dense == value).any(dim=0))
+        assert (columns - owners[0, 0]).abs().max() <= 0.5 * network.config.region_width_px + 16
+
+
+def test_padding_and_order_of_the_returns_do_not_matter(form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*form)
+    image, radar, valid, ground = make_inputs(1, 64, 96, 9)
+    order = torch.randperm(9, generator=torch.Generator().manual_seed(1))
+    padded = torch.cat([radar[:, order], torch.full((1, 5, 6), 7.0)], dim=1)
+    padded_valid = torch.cat([valid[:, order], torch.zeros(1, 5, dtype=torch.bool)], dim=1)
+    with torch.inference_mode():
+        expected = network(image, radar, valid, ground)
+        got = network(image, padded, padded_valid, ground)
+    for a, b in zip(expected, got, strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
+
+
+def test_samples_of_a_batch_are_independent(form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*form)
+    inputs = make_inputs(3, 64, 96, 5)
+    with torch.inference_mode():
+        together = network(*inputs)
+        for index in range(3):
+            alone = network(*(value[index : index + 1] for value in inputs))
+            for a, b in zip(together, alone, strict=True):
+                torch.testing.assert_close(a[index : index + 1], b, rtol=1e-4, atol=1e-4, equal_nan=True)
+
+
+def test_training_reaches_every_parameter_with_finite_gradients(form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*form).train()
+    outputs = network.train_outputs(*make_inputs(2, 64, 96, 5))
+    association = outputs.association
+    assert association.logits.shape[1] == 5
+    assert association.columns.shape == (2, 5, association.logits.shape[3])
+    assert association.logits.shape[2] == 64 // association.stride
+    inside = (association.columns >= 0).unsqueeze(2).expand_as(association.logits)
+    loss = outputs.depths.dense.mean() + association.logits[inside].mean() + outputs.confidence_logit.mean()
+    loss.backward()
+    for name, parameter in network.named_parameters():
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name
+
+
+@pytest.mark.parametrize("count", [0, 7])
+def test_training_and_inference_agree(form: tuple[str, dict[str, object]], count: int) -> None:
+    network = make_network(*form)
+    inputs = make_inputs(2, 64, 96, count)
+    with torch.inference_mode():
+        for a, b in zip(network(*inputs), network.train_outputs(*inputs).depths, strict=True):
+            torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
+
+
+def test_script_equals_eager(form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*form)
+    frozen = archive.freeze(network)
+    for count in (0, 3, 17):
+        inputs = make_inputs(1, 64, 96, count)
+        with torch.inference_mode():
+            expected = network(*inputs)
+            # The first calls profile and specialise.
+            for _ in range(3):
+                for a, b in zip(expected, frozen(*inputs), strict=True):
+                    torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
+
+
+def test_export_with_dynamic_height_width_and_number_of_returns(form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*form)
+    height, width = (32 * torch.export.Dim(name, min=2, max=60) for name in ("height", "width"))
+    count = torch.export.Dim("count", min=0, max=4096)
+    with warnings.catch_warnings():
+        # torch's own exporter still warns of its own internals.
+        warnings.simplefilter("ignore")
+        exported = torch.export.export(
+            network,
+            make_inputs(2, 128, 192, 20),
+            dynamic_shapes={"image": {2: height, 3: width}, "radar": {1: count}, "valid": {1: count}, "ground": {}},
+        ).module()
+    for other in (make_inputs(2, 96, 160, 0), make_inputs(2, 64, 64, 33)):
+        with torch.inference_mode():
+            for a, b in zip(network(*other), exported(*other), strict=True):
+                torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "switches", list(itertools.product([False, True], repeat=3)), ids=lambda s: "".join("01"[on] for on in s)
+)
+def test_ablation_switches(switches: tuple[bool, bool, bool]) -> None:
+    names = ("bidirectional", "channel_attention", "position_attention")
+    network = make_network("baff", dict(zip(names, switches, strict=True)))
+    with torch.inference_mode():
+        dense = network(*make_inputs(1, 32, 64, 3)).dense
+    assert torch.isfinite(dense).all()
+    parts = ("bottom_up", "alpha", "beta")
+    for part, on in zip(parts, switches, strict=True):
+        assert any(part in key for key, _ in network.named_parameters()) == on
+
+
+def test_without_the_ground_prior_the_road_is_ignored() -> None:
+    network = make_network("baff", {"ground_prior": False})
+    image, radar, valid, ground = make_inputs(1, 64, 96, 3)
+    with torch.inference_mode():
+        torch.testing.assert_close(
+            network(image, radar, valid, ground).dense, network(image, radar, valid, ground * 2).dense
+        )
+
+
+@pytest.mark.parametrize(
+    ("architecture", "message"),
+    [
+        ({"association": "magic"}, "association must be 'embedding' or 'regions', got 'magic'"),
+        ({"region_width_px": 50}, "multiple of 32"),
+        ({"min_depth_m": 10, "max_depth_m": 5}, "depth range"),
+        ({"threshold": 1.5}, "threshold"),
+        ({"asociation": "regions"}, "did you mean association?"),
+    ],
+)
+def test_architectures_that_cannot_be(architecture: dict[str, object], message: str) -> None:
+    with pytest.raises(RadcamDepthError, match=message):
+        networks.create("baff", architecture)
+
+
+def test_an_unknown_network_is_refused_with_the_known_names() -> None:
+    with pytest.raises(ArchitectureError, match=r"unknown network 'bafff'.*baff"):
+        networks.create("bafff")
+
+
+def test_a_thousand_returns_fit_in_two_gigabytes() -> None:
+    """In a process of its own, whose peak memory is then the network's, with torch itself."""
+    program = """
+import resource, torch
+from radcam_depth_ros import networks
+torch.set_num_threads(1)
+network = networks.create("baff").eval()
+radar = torch.rand(1, 1000, 6) * torch.tensor([800.0, 448, 80, 20, 10, 0.1])
+with torch.inference_mode():
+    network(torch.rand(1, 3, 448, 800), radar, torch.ones(1, 1000, dtype=torch.bool), torch.full((1, 3), float("nan")))
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 0
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert int(run.stdout) * 1024 < 2e9

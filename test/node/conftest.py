@@ -1,0 +1,321 @@
+"""A live node with a network that is made up, and a peer that plays its sensors, over DDS."""
+
+# ruff: noqa: E402  # the first lines decide whether and how rclpy is imported
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+# Before rclpy is imported: fields of messages are checked for type.
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+rclpy = pytest.importorskip("rclpy")
+
+from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from radcam_depth_ros.estimator import EstimatorConfig
+from radcam_depth_ros.frame import CameraModel, DepthResult, Frame
+from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
+from radcam_depth_ros.node import depth_node
+from radcam_depth_ros.node.factory import build_message, message_class
+
+DOMAIN_ID = 1 + os.getpid() % 100
+"""Of this process alone: these nodes have fixed names, so that others in their domain would disturb them."""
+CAMERA = CameraModel(96, 64, 100.0, 100.0, 47.5, 31.5)
+SECOND_NS = 1_000_000_000
+RADAR_LOOKING_ALONG = [0.0, 0.0, 0.0, 0.5, -0.5, 0.5, 0.5]
+"""A radar in the camera's place: x forward, y left, z up."""
+INPUTS = {
+    "image": "sensor_msgs/msg/Image",
+    "camera_info": "sensor_msgs/msg/CameraInfo",
+    "radar/points": "sensor_msgs/msg/PointCloud2",
+}
+
+
+@dataclass
+class FakeEstimator:
+    """Depth is the number of returns in front of the camera, and 1 m more; takes as long as it is told."""
+
+    config: EstimatorConfig
+    seconds: float = 0.0
+    error: Exception | None = None
+    stamps_ns: list[int] = field(default_factory=list)
+    card: Any = field(default_factory=lambda: SimpleNamespace(focal_length_px=100.0))
+
+    def describe(self) -> str:
+        return "made up"
+
+    def warm_up(self, camera: CameraModel) -> None:
+        assert camera.width > 0
+
+    def estimate(self, frame: Frame) -> DepthResult:
+        time.sleep(self.seconds)
+        if self.error is not None:
+            raise self.error
+        self.stamps_ns.append(frame.stamp_ns)
+        in_view = int((frame.radar.xyz_m[:, 2] > 0).sum())
+        shape = frame.image.shape[:2]
+        dense, semi_dense = np.full(shape, 1.0 + in_view, np.float32), np.full(shape, np.nan, np.float32)
+        confidence = np.full(shape, 0.5, np.float32)
+        return DepthResult(frame.stamp_ns, frame.frame_id, frame.camera, dense, semi_dense, confidence, in_view)
+
+
+class Peer:
+    """Sensors and listeners in a node of their own, which is spun while something is waited for."""
+
+    def __init__(self, context: Context, name: str = "peer") -> None:
+        self.context = context
+        self.peer = Node(name, context=context, start_parameter_services=False, enable_rosout=False)
+        self._peer_executor = SingleThreadedExecutor(context=context)
+        self._peer_executor.add_node(self.peer)
+        self._publishers: dict[str, Any] = {}
+        self.depth: list[Any] = []
+        self.logs: list[str] = []
+        self.diagnostics: list[dict[str, Any]] = []
+        self.now_ns = 100 * SECOND_NS
+        self.subscribe("depth/image_rect", "sensor_msgs/msg/Image", self.depth.append)
+        self.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", self._on_diagnostics)
+        self.subscribe("/rosout", "rcl_interfaces/msg/Log", lambda log: self.logs.append(log.msg))
+
+    def _on_diagnostics(self, message: Any) -> None:
+        self.diagnostics.append({status.name.split(": ", 1)[1]: status for status in message.status})
+
+    def close(self) -> None:
+        self._peer_executor.remove_node(self.peer)
+        self.peer.destroy_node()
+
+    def subscribe(self, topic: str, type_name: str, callback: Callable[[Any], Any], **qos: Any) -> None:
+        profile = QoSProfile(**{"depth": 50, "reliability": ReliabilityPolicy.RELIABLE, **qos})
+        self.peer.create_subscription(message_class(type_name), topic, callback, profile)
+
+    def advertise(self, topic: str, type_name: str, **qos: Any) -> None:
+        profile = QoSProfile(**{"depth": 50, "reliability": ReliabilityPolicy.RELIABLE, **qos})
+        self._publishers[topic] = self.peer.create_publisher(message_class(type_name), topic, profile)
+
+    def until(self, condition: Callable[[], Any], timeout_s: float = 20.0, what: str = "") -> Any:
+        """Spins the peer until a condition holds; returns its value."""
+        deadline = time.monotonic() + timeout_s
+        while not (value := condition()):
+            assert time.monotonic() < deadline, f"{what or 'it'} did not come about; logs: {self.logs}"
+            self._peer_executor.spin_once(timeout_sec=0.02)
+        return value
+
+    def connect(self, *without: str) -> None:
+        """Advertises the sensors; waits until the node hears them and the peer hears the node."""
+        for topic, type_name in INPUTS.items():
+            if topic not in self._publishers and topic not in without:
+                self.advertise(topic, type_name)
+        self.until(
+            lambda: (
+                all(publisher.get_subscription_count() for publisher in self._publishers.values())
+                and self.peer.count_publishers("depth/image_rect")
+                and self.diagnostics
+            ),
+            what="discovery",
+        )
+
+    def send(self, topic: str, message: Any) -> None:
+        if topic in self._publishers:
+            self._publishers[topic].publish(message)
+
+    # Messages that are well.
+
+    def image(self, camera: CameraModel = CAMERA, frame_id: str = "camera") -> Any:
+        pixels = np.full((camera.height, camera.width, 3), 99, np.uint8)
+        return encode_image(build_message, pixels, self.now_ns, frame_id)
+
+    def camera_info(self, camera: CameraModel = CAMERA) -> Any:
+        return encode_camera_info(build_message, camera, self.now_ns, "camera")
+
+    def cloud(self, x: Any = (10.0, 20.0), names: str = "xyz", frame_id: str = "radar") -> Any:
+        """A cloud of points in a row along the first of three fields."""
+        x = np.asarray(x, np.float32)
+        zeros = np.zeros_like(x)
+        return encode_points(build_message, dict(zip(names, (x, zeros, zeros), strict=True)), self.now_ns, frame_id)
+
+    def send_pair(self, image: Any = None, cloud: Any = None, camera_info: Any = None) -> None:
+        """Sends what belongs to one moment; what is not given is well."""
+        self.send("camera_info", camera_info or self.camera_info())
+        self.send("radar/points", cloud or self.cloud())
+        self.send("image", image or self.image())
+
+    def send_until(self, condition: Callable[[], Any], send: Callable[[], Any] | None = None, what: str = "") -> Any:
+        """Sends ten times a second until a condition holds: best effort may lose a message."""
+        next_s = 0.0
+
+        def step() -> Any:
+            nonlocal next_s
+            if time.monotonic() >= next_s:
+                next_s = time.monotonic() + 0.1
+                self.now_ns += SECOND_NS // 10
+                (send or self.send_pair)()
+            return condition()
+
+        return self.until(step, what=what)
+
+    def await_depth(self, send: Callable[[], Any] | None = None) -> Any:
+        """Sends until depth of a message sent from now on comes."""
+        before_ns = self.now_ns
+        self.send_until(lambda: self.depth and stamp_of(self.depth[-1]) > before_ns, send, what="depth")
+        return self.depth[-1]
+
+    def status(self, name: str, text: str) -> Any:
+        """The first line of diagnostics about a part that has a text in it; None when there is none."""
+        return next((d[name] for d in self.diagnostics if name in d and text in d[name].message), None)
+
+
+class Bench(Peer):
+    """A peer with the node under test, which runs in a thread of its own."""
+
+    def __init__(
+        self, context: Context, parameters: Mapping[str, Any], make: Callable[..., Any], args: Sequence[str]
+    ) -> None:
+        super().__init__(context)
+        self.fake: Any = None
+
+        def make_estimator(config: EstimatorConfig) -> Any:
+            self.fake = make(config)
+            return self.fake
+
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.node = depth_node.RadcamDepthNode(
+            make_estimator, context=context, parameter_overrides=overrides, cli_args=["--ros-args", *args]
+        )
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        self._transition = self.peer.create_client(service_class("ChangeState"), "/radcam_depth/change_state")
+        self._state = self.peer.create_client(service_class("GetState"), "/radcam_depth/get_state")
+        self._set = self.peer.create_client(SetParameters, "/radcam_depth/set_parameters")
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin, name="node under test")
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._stop.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        del self.node
+        super().close()
+
+    def _call(self, client: Any, request: Any) -> Any:
+        self.until(client.service_is_ready, what=client.srv_name)
+        future = client.call_async(request)
+        self.until(future.done, what=client.srv_name)
+        return future.result()
+
+    def change_state(self, label: str) -> bool:
+        request = service_class("ChangeState").Request()
+        request.transition.label = label
+        return bool(self._call(self._transition, request).success)
+
+    @property
+    def state(self) -> str:
+        return str(self._call(self._state, service_class("GetState").Request()).current_state.label)
+
+    def set_parameter(self, name: str, value: Any) -> str:
+        """Sets a parameter as `ros2 param set` does; returns the reason of a refusal."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        (result,) = self._call(self._set, request).results
+        assert bool(result.reason) != result.successful
+        return str(result.reason)
+
+
+def service_class(name: str) -> Any:
+    return getattr(importlib.import_module("lifecycle_msgs.srv"), name)
+
+
+def stamp_of(message: Any) -> int:
+    return int(message.header.stamp.sec) * SECOND_NS + int(message.header.stamp.nanosec)
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator[Context]:
+    context = Context()
+    rclpy.init(context=context, domain_id=DOMAIN_ID)
+    yield context
+    rclpy.shutdown(context=context)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _quick_diagnostics() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(depth_node, "DIAGNOSTICS_PERIOD_S", 0.1)
+        yield
+
+
+@pytest.fixture(scope="session")
+def domain_id() -> int:
+    """For nodes in processes of their own."""
+    return DOMAIN_ID
+
+
+@pytest.fixture
+def peer(context: Context) -> Iterator[Peer]:
+    """Sensors and listeners for a node in a process of its own."""
+    peer = Peer(context)
+    yield peer
+    peer.close()
+
+
+@contextmanager
+def _starter(context: Context) -> Iterator[Callable[..., Bench]]:
+    benches: list[Bench] = []
+
+    def start(make: Callable[..., Any] = FakeEstimator, args: Sequence[str] = (), **parameters: Any) -> Bench:
+        given = {"camera_from_radar": RADAR_LOOKING_ALONG, "max_wait_s": 0.02, **parameters}
+        given = {name: value for name, value in given.items() if value is not None}
+        benches.append(Bench(context, given, make, args))
+        return benches[-1]
+
+    yield start
+    while benches:
+        benches.pop().close()
+    # rclpy ends a lifecycle node only with its state machine, when nothing refers to it any more.
+    gc.collect()
+
+
+@pytest.fixture
+def start(context: Context) -> Iterator[Callable[..., Bench]]:
+    """Starts a node: `start(depth_encoding="16UC1")`; its extrinsics are given by parameter unless they are None."""
+    with _starter(context) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def start_for_module(context: Context) -> Iterator[Callable[..., Bench]]:
+    """The same for a node that several tests use."""
+    with _starter(context) as start:
+        yield start
+
+
+@pytest.fixture(scope="session")
+def make_estimator() -> Callable[..., Any]:
+    """Makes an estimator without a network, see `FakeEstimator`."""
+    return FakeEstimator
+
+
+@pytest.fixture(scope="session")
+def extrinsics() -> list[float]:
+    """The parameter `camera_from_radar` of a radar in the camera's place."""
+    return RADAR_LOOKING_ALONG

@@ -1,0 +1,89 @@
+"""What the live node says when something that it needs does not come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from rclpy.qos import ReliabilityPolicy
+
+from radcam_depth_ros.node import diagnostics
+
+RADAR = "radar /radar/points"
+
+
+def test_no_camera_info(start: Callable[..., Any]) -> None:
+    bench = start()
+    bench.connect("camera_info")
+    status = bench.send_until(lambda: bench.status("calibration", "no usable camera_info"), what="its line")
+    assert status.level == b"\x02"
+    assert "/camera_info" in status.message
+    bench.until(lambda: [line for line in bench.logs if "no usable camera_info" in line])
+    bench.connect()
+    bench.await_depth()
+    assert len([line for line in bench.logs if "no usable camera_info" in line]) == 1
+
+
+def test_no_transform(start: Callable[..., Any], extrinsics: list[float]) -> None:
+    bench = start(camera_from_radar=None)
+    bench.connect()
+    status = bench.send_until(lambda: bench.status("calibration", "camera_from_radar"), what="its line")
+    assert status.level == b"\x02"
+    assert "/tf_static" in status.message
+    bench.until(lambda: [line for line in bench.logs if "camera_from_radar" in line])
+    assert not bench.depth
+    assert bench.change_state("deactivate")
+    assert bench.change_state("cleanup")
+    assert bench.set_parameter("camera_from_radar", extrinsics) == ""
+    assert bench.change_state("configure")
+    assert bench.change_state("activate")
+    bench.await_depth()
+    assert len([line for line in bench.logs if "camera_from_radar" in line]) == 1
+
+
+def test_a_publisher_that_cannot_be_heard_is_named_with_its_policy(start: Callable[..., Any]) -> None:
+    bench = start(args=["-p", "qos_overrides./image.subscription.reliability:=reliable"])
+    bench.advertise("image", "sensor_msgs/msg/Image", reliability=ReliabilityPolicy.BEST_EFFORT)
+    status = bench.until(lambda: bench.status("camera", "RELIABILITY"), what="a line about the camera")
+    assert "/image" in status.message
+    assert "qos_overrides./image.subscription.reliability" in status.message
+
+
+def test_without_any_input_one_line_says_what_is_missing(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(diagnostics, "NO_OUTPUT_S", 0.3)
+    monkeypatch.setattr(diagnostics, "SILENCE_S", 0.3)
+    bench = start()
+    bench.until(lambda: [line for line in bench.logs if "no depth for" in line])
+    bench.until(lambda: bench.status("camera", "nobody publishes it"))
+    bench.until(lambda: bench.status(RADAR, "expected sensor_msgs/msg/PointCloud2 on /radar/points, got nothing"))
+    (line,) = [line for line in bench.logs if "no depth for" in line]
+    for topic in ("sensor_msgs/msg/Image on /image (no publishers)", "/camera_info", "/radar/points"):
+        assert topic in line
+    assert bench.diagnostics[-1]["output"].level == b"\x02"
+    bench.connect()
+    bench.await_depth()
+
+
+def test_no_radar_is_a_degraded_mode_that_is_named(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diagnostics, "SILENCE_S", 0.3)
+    bench = start()
+    bench.connect("radar/points")
+    bench.await_depth()
+    status = bench.send_until(lambda: bench.status(RADAR, "got nothing for"), what="a line about the radar")
+    assert status.level == b"\x01"
+    assert bench.send_until(lambda: bench.status("pairing", "had no radar sweep within"), what="a line about pairing")
+
+
+def test_a_defect_in_the_network_skips_the_frame(start: Callable[..., Any]) -> None:
+    bench = start()
+    bench.connect()
+    bench.await_depth()
+    bench.fake.error = ZeroDivisionError("of the network")
+    status = bench.send_until(lambda: bench.status("inference", "ZeroDivisionError: of the network"), what="its line")
+    assert status.level == b"\x02"
+    bench.fake.error = None
+    bench.await_depth()
+    bench.send_until(lambda: bench.diagnostics[-1]["inference"].level == b"\x00", what="recovery")

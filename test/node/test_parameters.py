@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.parameters import PARAMETERS, NodeConfig, ParameterError, Parameters, ParameterSpec
+
+NODE_YAML = Path(__file__).parents[2] / "config" / "node.yaml"
+BY_NAME = {spec.name: spec for spec in PARAMETERS}
+
+
+def field_paths(config: Any, prefix: str = "") -> Iterator[str]:
+    for entry in dataclasses.fields(config):
+        value = getattr(config, entry.name)
+        if dataclasses.is_dataclass(value):
+            yield from field_paths(value, f"{prefix}{entry.name}.")
+        else:
+            yield f"{prefix}{entry.name}"
+
+
+def plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def test_each_field_has_one_parameter() -> None:
+    assert sorted(spec.path for spec in PARAMETERS) == sorted(field_paths(NodeConfig()))
+    assert len(BY_NAME) == len(PARAMETERS)
+
+
+@pytest.mark.parametrize("spec", PARAMETERS, ids=lambda spec: spec.name)
+def test_each_parameter_is_described_and_its_default_is_allowed(spec: ParameterSpec) -> None:
+    assert spec.description.endswith(".")
+    assert spec.convert(plain(spec.default)) == spec.default
+    descriptor = spec.descriptor()
+    assert descriptor.description == spec.description
+    assert bool(descriptor.additional_constraints) == bool(spec.choices)
+    if spec.type in (Parameter.Type.DOUBLE, Parameter.Type.INTEGER):
+        assert descriptor.floating_point_range or descriptor.integer_range
+
+
+def test_the_shipped_file_gives_the_defaults_and_describes_each() -> None:
+    text = NODE_YAML.read_text(encoding="utf-8")
+    (parameters,) = [section["ros__parameters"] for section in yaml.safe_load(text).values()]
+    qos = {name for name in parameters if name.startswith("qos_overrides")}
+    assert {name: value for name, value in parameters.items() if name not in qos} == {
+        spec.name: plain(spec.default) for spec in PARAMETERS
+    }
+    before = ""
+    for line in text.splitlines():
+        if line.strip().split(":")[0] in parameters:
+            assert before.strip().startswith("#"), f"{line.strip()} lacks a comment"
+        before = line
+
+
+def test_the_shipped_file_is_read_by_ros(context: Any) -> None:
+    node = Node("radcam_depth", context=context, cli_args=["--ros-args", "--params-file", str(NODE_YAML)])
+    assert Parameters(node).read() == NodeConfig()
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("max_wait_s", 1, 1.0),
+        ("max_wait_s", 0.25, 0.25),
+        ("threads", 3, 3),
+        ("camera_from_radar", [1, 2, 3, 0, 0, 0, 1], (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)),
+        ("radar_topics", ["a", "b"], ("a", "b")),
+        ("image_transport", "compressed", "compressed"),
+        ("autostart", False, False),
+    ],
+)
+def test_a_file_may_give(context: Any, name: str, value: Any, expected: Any) -> None:
+    node = Node("radcam_depth", context=context, parameter_overrides=[Parameter(name, value=value)])
+    parameters = Parameters(node)
+    if name == "radar_topics":
+        assert node.get_parameter(name).value == value
+    config = parameters.read()
+    assert functools.reduce(getattr, BY_NAME[name].path.split("."), config) == expected
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("max_wait_s", "soon", "max_wait_s must be a number, got 'soon'"),
+        ("max_wait_s", -1.0, "max_wait_s must be within 0 and 10, got -1"),
+        ("max_wait_s", float("nan"), "max_wait_s must be within 0 and 10, got nan"),
+        ("threads", 1.5, "threads must be a whole number, got 1.5"),
+        ("threads", True, "threads must be a whole number, got True"),
+        ("output_size", "big", "output_size must be one of native, network, got 'big'"),
+        ("radar_topics", "radar", "radar_topics must be a list of texts, got 'radar'"),
+        ("camera_from_radar", ["x"], "camera_from_radar must be a list of numbers, got ['x']"),
+        ("camera_from_radar", [1.0, 2.0], "camera_from_radar needs x y z qx qy qz qw"),
+        ("image_topic", "camera_info", "must be different topics"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_a_file_and_when_set(
+    context: Any, name: str, value: Any, sentence: str
+) -> None:
+    node = Node("radcam_depth", context=context, parameter_overrides=[Parameter(name, value=value)])
+    with pytest.raises(RadcamDepthError) as caught:
+        Parameters(node).read()
+    assert sentence in str(caught.value)
+    node.destroy_node()
+
+    node = Node("radcam_depth", context=context)
+    parameters = Parameters(node)
+    if Parameter(name, value=value).type_ == BY_NAME[name].type:
+        (result,) = node.set_parameters([Parameter(name, value=value)])
+        assert not result.successful
+        assert sentence in result.reason or "out of range" in result.reason
+    assert parameters.read() == NodeConfig()
+    node.destroy_node()
+
+
+def test_parameters_are_judged_together(context: Any) -> None:
+    node = Node("radcam_depth", context=context)
+    parameters = Parameters(node)
+    near, far = Parameter("preview_near_m", value=100.0), Parameter("preview_far_m", value=200.0)
+    assert "preview_near_m < preview_far_m" in node.set_parameters([near])[0].reason
+    assert node.set_parameters_atomically([near, far]).successful
+    assert parameters.read().pipeline.preview_near_m == 100.0
+    node.destroy_node()
+
+
+def test_a_value_of_the_file_that_was_refused_can_be_mended(context: Any) -> None:
+    node = Node("radcam_depth", context=context, parameter_overrides=[Parameter("output_size", value="big")])
+    parameters = Parameters(node)
+    with pytest.raises(ParameterError, match="output_size"):
+        parameters.read()
+    assert node.set_parameters([Parameter("threads", value=2)])[0].successful
+    with pytest.raises(ParameterError, match="output_size"):
+        parameters.read()
+    assert node.set_parameters([Parameter("output_size", value="network")])[0].successful
+    assert parameters.read().estimator.output_size == "network"
+    node.destroy_node()
+
+
+def test_autostart_is_the_file_s_alone(context: Any) -> None:
+    node = Node("radcam_depth", context=context)
+    Parameters(node)
+    assert "read-only" in node.set_parameters([Parameter("autostart", value=False)])[0].reason
+    node.destroy_node()

@@ -1,0 +1,125 @@
+"""The node as a process of its own: it ends promptly and cleanly, whatever it is busy with."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+# A network that sleeps where it is told to: neither loading nor inference can be interrupted.
+SCRIPT = """
+import functools, sys, time
+from types import SimpleNamespace
+from radcam_depth_ros.node import depth_node, main
+
+class Sleeper:
+    def __init__(self, phase, config):
+        self.phase = phase
+        self.card = SimpleNamespace(focal_length_px=100.0)
+        self.nap("configure")
+
+    def nap(self, phase):
+        if phase == self.phase:
+            print("busy", flush=True)
+            time.sleep(60)
+
+    def warm_up(self, camera):
+        pass
+
+    def describe(self):
+        return "a sleeper"
+
+    def estimate(self, frame):
+        self.nap("inference")
+
+depth_node.RadcamDepthNode = functools.partial(depth_node.RadcamDepthNode, functools.partial(Sleeper, sys.argv[1]))
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.fixture
+def run(extrinsics: list[float], domain_id: int) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    processes = []
+
+    def run(phase: str, *arguments: str) -> subprocess.Popen[str]:
+        parameters = ["--ros-args", "-p", f"camera_from_radar:={extrinsics}", *arguments]
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain_id), "PYTHONPATH": str(Path(__file__).parents[2])}
+        process = subprocess.Popen(
+            [sys.executable, "-c", SCRIPT, phase, *parameters],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(process)
+        return process
+
+    yield run
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT) -> str:
+    """Sends a signal; the process must end with 0 within two seconds. Returns what it wrote to stderr."""
+    began_s = time.monotonic()
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=20)
+    assert time.monotonic() - began_s < 2.0, errors
+    assert process.returncode == 0, errors
+    assert "Traceback" not in errors
+    return errors
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_idle_node_ends_at_a_signal(run: Callable[..., Any], peer: Any, number: signal.Signals) -> None:
+    process = run("never")
+    peer.until(lambda: peer.status("model", "a sleeper"))
+    end(process, number)
+
+
+def test_a_node_that_loads_its_network_ends_at_a_signal(run: Callable[..., Any]) -> None:
+    process = run("configure")
+    assert process.stdout.readline() == "busy\n"
+    end(process)
+
+
+def test_a_node_in_the_middle_of_an_image_ends_at_a_signal(run: Callable[..., Any], peer: Any) -> None:
+    process = run("inference")
+    peer.connect()
+    peer.send_until(lambda: peer.status("camera", "Hz on /image"))
+    assert process.stdout.readline() == "busy\n"
+    end(process)
+
+
+def test_a_transition_that_is_not_possible_does_not_end_the_node(run: Callable[..., Any], peer: Any) -> None:
+    from lifecycle_msgs.srv import ChangeState
+
+    process = run("never", "-p", "autostart:=false")
+    client = peer.peer.create_client(ChangeState, "/radcam_depth/change_state")
+    peer.until(client.service_is_ready, what="the service")
+    request = ChangeState.Request()
+    request.transition.id = 3  # activate, which an unconfigured node cannot
+    client.call_async(request)
+    peer.until(lambda: [line for line in peer.logs if "a callback failed" in line], what="a line in the log")
+    peer.diagnostics.clear()
+    peer.until(lambda: peer.status("model", "the node is unconfigured"), what="diagnostics")
+    end(process)
+
+
+def test_a_parameter_file_that_cannot_be_read_is_one_sentence(run: Callable[..., Any], tmp_path: Path) -> None:
+    path = tmp_path / "node.yaml"
+    path.write_text("radcam_depth: [", encoding="utf-8")
+    process = run("never", "--params-file", str(path))
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "Traceback" not in errors
+    assert errors.splitlines()[-1].startswith("radcam_depth_node: ")
+    assert str(path) in errors.splitlines()[-1]

@@ -1,0 +1,60 @@
+"""A small drive, simulated once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from radcam_depth_ros import simulation
+from radcam_depth_ros.bags import BagReader
+
+SMALL_CAMERA = simulation.CameraConfig(width=160, height=96, min_focal_length_px=126.0, max_focal_length_px=126.0)
+"""The default camera, five times smaller."""
+
+STILL = simulation.WorldConfig(street=simulation.StreetKind.TOWN, speed=0.0, traffic=0.0, people=0.0, view_m=150.0)
+"""Nothing moves, so that sensors that measure at different times see the same."""
+
+Recorder = Callable[..., Path]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The messages of a bag by topic, in their order."""
+
+    messages: dict[str, list[Any]]
+
+    @classmethod
+    def read(cls, path: Path) -> Recording:
+        with BagReader(path) as reader:
+            found: dict[str, list[Any]] = {}
+            for message in reader.messages():
+                found.setdefault(message.topic, []).append(message.message)
+            return cls(found)
+
+
+@pytest.fixture(scope="session")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Recorder:
+    """Simulates a small drive into a fresh folder."""
+
+    def simulate(config: simulation.SimulationConfig, seed: int = 3, frames: int = 2) -> Path:
+        path = tmp_path_factory.mktemp("drive") / "drive.mcap"
+        simulation.simulate(config, seed, frames, path)
+        return path
+
+    return simulate
+
+
+@pytest.fixture(scope="session")
+def read() -> Callable[[Path], Recording]:
+    """Reads a bag."""
+    return Recording.read
+
+
+@pytest.fixture(scope="session")
+def still_drive(record: Recorder, read: Callable[[Path], Recording]) -> Recording:
+    """Two images of a street where nothing moves."""
+    return read(record(simulation.SimulationConfig(world=STILL, camera=SMALL_CAMERA)))

@@ -1,0 +1,47 @@
+"""A drive of 96 x 64 pixels, message by message, with a radar and exact depth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from radcam_depth_ros.frame import CameraModel, ImageArray
+from radcam_depth_ros.geometry import RigidTransform
+from radcam_depth_ros.messages import (
+    MessageFactory,
+    encode_camera_info,
+    encode_depth,
+    encode_image,
+    encode_points,
+)
+
+CAMERA = CameraModel(96, 64, 100.0, 100.0, 47.5, 31.5)
+CAMERA_FROM_RADAR = RigidTransform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.array([0.1, 0.5, -1.0]))
+PERIOD_NS = 100_000_000
+START_NS = 1_000_000_000
+
+
+def small_image(index: int) -> ImageArray:
+    """An image that differs from frame to frame."""
+    return np.random.default_rng(index).integers(0, 255, (CAMERA.height, CAMERA.width, 3), dtype=np.uint8)
+
+
+def small_returns(index: int) -> np.ndarray:
+    """Radar returns in the radar's frame (x forward), (4, 3) metres."""
+    return np.array([[8.0 + index, 0.5, 0], [20, -2, 0.2], [35, 4, 0.1], [12, 1, 0]], np.float32)
+
+
+def small_messages(make: MessageFactory, index: int) -> list[tuple[str, str, Any, int]]:
+    """One frame's messages: topic, type, message, time; radar first, ground truth last."""
+    stamp = START_NS + index * PERIOD_NS
+    image, x, y, z = small_image(index), *small_returns(index).T
+    depth = np.full(image.shape[:2], 10.0 + index, np.float32)
+    depth[:8] = np.inf
+    cloud = encode_points(make, {"x": x, "y": y, "z": z, "rcs": np.full(4, 5, np.float32)}, stamp - 20_000_000, "radar")
+    return [
+        ("/radar/points", "sensor_msgs/msg/PointCloud2", cloud, stamp - 20_000_000),
+        ("/camera/image_raw", "sensor_msgs/msg/Image", encode_image(make, image, stamp, "camera"), stamp),
+        ("/camera/camera_info", "sensor_msgs/msg/CameraInfo", encode_camera_info(make, CAMERA, stamp, "camera"), stamp),
+        ("/ground_truth/depth", "sensor_msgs/msg/Image", encode_depth(make, depth, stamp, "camera"), stamp),
+    ]

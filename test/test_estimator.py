@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor, nn
+
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, radar_columns, resample_image
+from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.geometry import CanonicalCamera, GeometryError
+from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.networks.archive import Archive, Card
+
+FOCAL = 630.0
+WALL_M = 2.0
+
+
+class MeasuresAWall(nn.Module):
+    """Depth of a white wall of known width, from its width in pixels: what a network would have to learn."""
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        width_px = image.mean(dim=1).mean(dim=1).sum(dim=1) / image.mean(dim=1).mean(dim=1).amax(dim=1)
+        dense = torch.ones_like(image[:, :1]) * 630.0 * 2.0 / width_px.reshape(-1, 1, 1, 1)
+        return Depths(dense, torch.full_like(dense, float("nan")), torch.ones_like(dense))
+
+
+class GivesTheRoad(nn.Module):
+    """The flat road's depth, as far as it is known, and 50 m else."""
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        u = torch.arange(image.shape[3]).float().reshape(1, 1, 1, -1)
+        v = torch.arange(image.shape[2]).float().reshape(1, 1, -1, 1)
+        inverse = ground[:, 0] * u + ground[:, 1] * v + ground[:, 2]
+        dense = (1.0 / inverse.clamp(min=0.02)).nan_to_num(50.0) * torch.ones_like(image[:, :1])
+        return Depths(dense, dense, torch.ones_like(dense))
+
+
+class GivesNaN(nn.Module):
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        dense = image[:, :1] * float("nan")
+        return Depths(dense, dense, dense)
+
+
+def estimator(network: nn.Module, config: EstimatorConfig | None = None) -> Estimator:
+    return Estimator(config, Archive(network, Card("test", {}, FOCAL, 1.0, 100.0, "nothing")))
+
+
+def frame(camera: CameraModel, image: np.ndarray, ground: GroundPlane | None = None) -> Frame:
+    return Frame(7, "camera", image, camera, RadarReturns.empty(), ground or GroundPlane())
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.integers(300, 2048),
+    st.integers(100, 700),
+    st.floats(300, 2500),
+    st.floats(0.97, 1.03),
+    st.floats(0.1, 0.9),
+)
+def test_a_flat_wall_has_the_same_depth_for_any_camera(
+    width: int, height: int, focal: float, ratio: float, share: float
+) -> None:
+    camera = CameraModel(width, height, focal, focal * ratio, width / 2, height / 2)
+    try:
+        plan = CanonicalCamera.plan(camera, FOCAL)
+    except GeometryError:
+        return
+    if plan.scaled.width < 150:
+        return  # whole pixels are too coarse to show half a percent
+    wall_px = max(8, round(share * width))
+    wall_px -= (wall_px - width) % 2
+    depth_m = focal * WALL_M / wall_px
+    image = np.zeros((height, width, 3), np.uint8)
+    start = (width - wall_px) // 2
+    image[:, start : start + wall_px] = 255
+    result = estimator(MeasuresAWall()).estimate(frame(camera, image))
+    assert result.dense.shape == (height, width)
+    np.testing.assert_allclose(result.dense, depth_m, rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    "camera", [CameraModel(800, 448, 630, 630, 400, 200), CameraModel(1600, 900, 1266, 1266, 810, 440)]
+)
+def test_the_road_reaches_the_network_and_its_depth_comes_back_in_place(camera: CameraModel) -> None:
+    image = np.zeros((camera.height, camera.width, 3), np.uint8)
+    result = estimator(GivesTheRoad()).estimate(frame(camera, image, GroundPlane(1.5)))
+    rows = np.arange(camera.height - 40, camera.height - 5)
+    expected = 1.5 * camera.fy / (rows - camera.cy)
+    np.testing.assert_allclose(result.dense[rows, 10], expected, rtol=5e-3)
+    np.testing.assert_allclose(result.semi_dense[rows, 10], expected, rtol=2e-2)
+
+
+def test_an_unknown_road_is_nan_for_the_network() -> None:
+    camera = CameraModel(64, 32, FOCAL, FOCAL, 32, 16)
+    result = estimator(GivesTheRoad()).estimate(frame(camera, np.zeros((32, 64, 3), np.uint8)))
+    assert (result.dense == 50).all()
+
+
+def test_the_networks_own_size() -> None:
+    camera = CameraModel(320, 180, 1260, 1260, 160, 90)
+    image = np.zeros((180, 320, 3), np.uint8)
+    result = estimator(GivesTheRoad(), EstimatorConfig(output_size="network")).estimate(frame(camera, image))
+    assert result.dense.shape == (90, 160)
+    assert result.camera.fx == pytest.approx(FOCAL)
+    assert result.camera.width == 160
+
+
+def test_an_image_that_needs_no_scaling_is_only_padded() -> None:
+    plan = CanonicalCamera.plan(CameraModel(40, 33, FOCAL, FOCAL, 20, 16), FOCAL)
+    image = torch.randint(0, 255, (33, 40, 3), dtype=torch.uint8)
+    resampled = resample_image(image, plan)
+    assert resampled.shape == (3, 64, 64)
+    torch.testing.assert_close(resampled[:, :33, :40], image.permute(2, 0, 1))
+    torch.testing.assert_close(resampled[:, 60, :40], image.permute(2, 0, 1)[:, 32])
+
+
+def test_radar_columns_leave_out_what_cannot_be_seen() -> None:
+    camera = CameraModel(64, 32, 100, 100, 32, 16)
+    points = [[0, 0, 10], [0, 0, -10], [0, 0, 0], [0, 0, 150], [100, 0, 10], [0.1, 0, 20]]
+    columns = radar_columns(RadarReturns.from_points(points), camera, 100)
+    np.testing.assert_allclose(columns[:, 2], [10, 20])
+    np.testing.assert_allclose(columns[0, :3], [32, 16, 10])
+    assert np.isnan(columns[:, 3:]).all()
+
+
+def test_a_network_that_gives_nonsense_is_refused() -> None:
+    camera = CameraModel(64, 32, FOCAL, FOCAL, 32, 16)
+    with pytest.raises(EstimatorError, match="not finite"):
+        estimator(GivesNaN()).estimate(frame(camera, np.zeros((32, 64, 3), np.uint8)))
+
+
+def test_a_read_only_image_is_taken(small_weights: Path) -> None:
+    camera = CameraModel(64, 32, FOCAL, FOCAL, 32, 16)
+    image = np.zeros((32, 64, 3), np.uint8)
+    image.flags.writeable = False
+    loaded = Estimator(EstimatorConfig(model_file=str(small_weights)))
+    loaded.warm_up(camera)
+    assert np.isfinite(loaded.estimate(frame(camera, image)).dense).all()
+    assert "baff" in loaded.describe()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"device": "warp"}, "device 'warp' cannot be used"),
+        ({"output_size": "huge"}, "output_size must be one of native, network, got 'huge'"),
+        ({"threads": -1}, "threads must be"),
+    ],
+)
+def test_settings_that_cannot_be(values: dict[str, object], message: str) -> None:
+    with pytest.raises(EstimatorError, match=message):
+        estimator(GivesTheRoad(), EstimatorConfig(**values))

@@ -1,0 +1,198 @@
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_messages, small_returns
+
+from radcam_depth_ros.bags import factory
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.frame import Frame, RadcamDepthError
+from radcam_depth_ros.intake import IntakeError
+from radcam_depth_ros.messages import StampedTransform, decode_depth, encode_points, encode_transforms
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS, Pipeline, PipelineConfig, PipelineError
+
+CONFIG = PipelineConfig(image="/camera/image_raw", camera_info="/camera/camera_info", radars=("/radar/points",))
+TF = encode_transforms(factory, [StampedTransform("camera", "radar", 0, CAMERA_FROM_RADAR)])
+
+
+@pytest.fixture(scope="module")
+def estimator(small_weights: Path) -> Estimator:
+    return Estimator(EstimatorConfig(model_file=str(small_weights)))
+
+
+def feed(pipeline: Pipeline, index: int, **changes: Any) -> tuple[Frame, ...]:
+    """One frame's messages; `changes` are attributes of the message on the topic that ends so, e.g. image_raw={...}."""
+    frames: tuple[Frame, ...] = ()
+    for topic, _, message, time_ns in small_messages(factory, index):
+        for name, value in changes.get(topic.rsplit("/", 1)[-1], {}).items():
+            object.__setattr__(message, name, value)
+        frames += pipeline.accept(topic, message, time_ns)
+    return frames + pipeline.expire(START_NS + index * PERIOD_NS + 150_000_000)
+
+
+def primed(estimator: Estimator, config: PipelineConfig = CONFIG) -> Pipeline:
+    pipeline = Pipeline(config, estimator, factory)
+    pipeline.accept("/tf_static", TF, 0)
+    return pipeline
+
+
+def test_messages_become_frames_and_frames_messages(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    (frame,) = feed(pipeline, 0)
+    np.testing.assert_array_equal(frame.image, small_image(0))
+    np.testing.assert_allclose(frame.radar.xyz_m, CAMERA_FROM_RADAR.apply(small_returns(0)))
+    np.testing.assert_allclose(frame.radar.age_s, 0.02, atol=1e-6)
+    assert (frame.camera, frame.frame_id, frame.stamp_ns) == (CAMERA, "camera", START_NS)
+    assert frame.radar_counts == (4,)
+    messages = pipeline.process(frame, preview=True, points=True)
+    depth = decode_depth(messages.depth)
+    assert (depth.stamp_ns, depth.frame_id) == (START_NS, "camera")
+    np.testing.assert_array_equal(depth.depth_m, messages.result.dense)
+    assert messages.depth_camera_info.width == CAMERA.width
+    assert messages.preview.encoding == "rgb8"
+    assert messages.points.width == CAMERA.width * CAMERA.height
+    assert all(hasattr(messages, name) for name in OUTPUT_TOPICS)
+    plain = pipeline.process(frame)
+    assert plain.preview is None
+    assert plain.points is None
+
+
+def test_extrinsics_and_height_by_parameter(estimator: Estimator) -> None:
+    numbers = (*CAMERA_FROM_RADAR.translation, *CAMERA_FROM_RADAR.quaternion)
+    config = replace(CONFIG, camera_from_radar=numbers, camera_height_m=1.4, camera_pitch_deg=2.0)
+    (frame,) = feed(Pipeline(config, estimator, factory), 0)
+    np.testing.assert_allclose(frame.radar.xyz_m, CAMERA_FROM_RADAR.apply(small_returns(0)), atol=1e-5)
+    assert frame.ground.height_m == 1.4
+    assert frame.ground.up[2] == pytest.approx(-np.sin(np.radians(2)))
+
+
+def test_the_road_comes_from_the_footprint_frame(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    down = replace(CAMERA_FROM_RADAR, translation=np.array([0.0, 1.6, 0.0]))
+    link = StampedTransform("camera", "base_footprint", 0, down)
+    pipeline.accept("/tf_static", encode_transforms(factory, [link]), 0)
+    (frame,) = feed(pipeline, 0)
+    assert frame.ground.height_m == pytest.approx(1.6)
+
+
+def test_no_radar_topic_at_all(estimator: Estimator) -> None:
+    pipeline = Pipeline(replace(CONFIG, radars=()), estimator, factory)
+    _, _, info, _ = small_messages(factory, 0)
+    pipeline.accept(info[0], info[2], info[3])
+    (frame,) = feed(pipeline, 0)
+    assert len(frame.radar) == 0
+
+
+def test_a_silent_radar_does_not_stop_the_camera(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    feed(pipeline, 0)
+    _, image, info, _ = small_messages(factory, 5)
+    pipeline.accept(info[0], info[2], info[3])
+    assert pipeline.accept(image[0], image[2], image[3]) == ()
+    (frame,) = pipeline.expire(image[3] + 150_000_000)
+    assert len(frame.radar) == 0
+    assert np.isfinite(pipeline.process(frame).result.dense).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"image_raw": {"encoding": "blue8"}}, "blue8"),
+        ({"image_raw": {"data": np.zeros(5, np.uint8)}}, "5"),
+        ({"image_raw": {"step": 3}}, "step"),
+        ({"camera_info": {"k": np.zeros(9), "p": np.zeros(12)}}, "camera_info|focal"),
+        ({"points": {"fields": []}}, "x y z|fields"),
+    ],
+)
+def test_bad_messages_are_named_and_the_next_good_one_works(
+    estimator: Estimator, changes: dict[str, Any], message: str
+) -> None:
+    pipeline = primed(estimator)
+    with pytest.raises(RadcamDepthError, match=message):
+        feed(pipeline, 0, **changes)
+    # Without its camera_info the image that waits is of no use either.
+    with suppress(IntakeError):
+        pipeline.expire(START_NS + PERIOD_NS * 2)
+    frames: tuple[Frame, ...] = ()
+    for index in (3, 4):
+        frames += feed(pipeline, index)
+    assert frames
+    assert np.isfinite(pipeline.process(frames[-1]).result.dense).all()
+
+
+def test_what_is_missing_is_named(estimator: Estimator) -> None:
+    with pytest.raises(IntakeError, match=r"nothing came on /tf_static.*camera_from_radar"):
+        feed(Pipeline(CONFIG, estimator, factory), 0)
+    pipeline = primed(estimator)
+    _, image, _, _ = small_messages(factory, 0)
+    pipeline.accept(image[0], image[2], image[3])
+    with pytest.raises(IntakeError, match="no usable camera_info on '/camera/camera_info'"):
+        pipeline.expire(image[3] + 150_000_000)
+
+
+def test_empty_frame_ids_take_the_parameter(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    header = small_messages(factory, 0)[1][2].header
+    nameless = type(header)(stamp=header.stamp, frame_id="")
+    with pytest.raises(IntakeError, match="camera_frame"):
+        feed(pipeline, 0, image_raw={"header": nameless})
+    pipeline = primed(estimator, replace(CONFIG, camera_frame="camera", radar_frame="radar"))
+    (frame,) = feed(pipeline, 0, image_raw={"header": nameless})
+    assert frame.frame_id == "camera"
+
+
+def test_an_image_of_another_size_is_named_and_the_next_works(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    feed(pipeline, 0)
+    small = {"width": 32, "height": 32, "step": 96, "data": np.zeros(32 * 96, np.uint8)}
+    with pytest.raises(RadcamDepthError, match="32"):
+        feed(pipeline, 1, image_raw=small)
+    assert feed(pipeline, 2)
+
+
+def test_a_frame_that_fails_does_not_take_another_along(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    for index in (0, 1):
+        for topic, _, message, time_ns in small_messages(factory, index)[1:3]:
+            if index == 1 and topic.endswith("image_raw"):
+                object.__setattr__(message, "width", 32)
+                object.__setattr__(message, "step", 96)
+            assert pipeline.accept(topic, message, time_ns) == ()
+    late = START_NS + 10 * PERIOD_NS
+    assert len(pipeline.expire(late)) == 1
+    with pytest.raises(RadcamDepthError, match="32"):
+        pipeline.expire(late)
+    assert pipeline.expire(late) == ()
+
+
+def test_points_that_are_no_points(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    bad = np.array([[np.nan, 0, 0], [np.inf, 1, 0], [-5, 0, 0], [9, 0, 0]], np.float32)
+    cloud = encode_points(factory, dict(zip("xyz", bad.T, strict=True)), START_NS, "radar")
+    pipeline.accept("/radar/points", cloud, START_NS)
+    _, image, info, _ = small_messages(factory, 0)
+    pipeline.accept(info[0], info[2], info[3])
+    frames = pipeline.accept(image[0], image[2], image[3]) + pipeline.expire(START_NS + PERIOD_NS * 2)
+    result = pipeline.process(frames[0]).result
+    assert result.radar_in_view == 1
+    assert np.isfinite(result.dense).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"depth_encoding": "8UC1"}, "depth_encoding must be one of 32FC1, 16UC1, got '8UC1'"),
+        ({"camera_from_radar": (1.0, 2.0)}, "7 numbers, got 2"),
+        ({"preview_near_m": 9.0, "preview_far_m": 3.0}, "preview_near_m"),
+        ({"camera_height_m": -1.0}, "camera_height_m"),
+        ({"radars": ("/a", "/a")}, "different topics"),
+    ],
+)
+def test_settings_that_do_not_fit(values: dict[str, Any], message: str) -> None:
+    with pytest.raises((PipelineError, IntakeError), match=message):
+        PipelineConfig(**values)

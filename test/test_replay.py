@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_drive import CAMERA, CAMERA_FROM_RADAR, START_NS
+
+from radcam_depth_ros.bags import BagError, BagReader
+from radcam_depth_ros.drive import DriveError, DriveSettings, read_samples
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.messages import decode_depth
+from radcam_depth_ros.replay import ReplayOptions, replay
+
+WriteDrive = Callable[..., Path]
+
+
+@pytest.fixture(scope="module")
+def estimator(small_weights: Path) -> Estimator:
+    return Estimator(EstimatorConfig(model_file=str(small_weights)))
+
+
+def depths(path: Path, topic: str = "/depth/image_rect") -> dict[int, np.ndarray]:
+    with BagReader(path) as reader:
+        readings = [decode_depth(message.message) for message in reader.messages([topic])]
+    return {reading.stamp_ns: reading.depth_m for reading in readings}
+
+
+def test_every_image_gets_its_depth_and_twice_gives_the_same(
+    tmp_path: Path, write_drive: WriteDrive, estimator: Estimator
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap")
+    seen: list[tuple[int, int]] = []
+    summary = replay(drive, tmp_path / "a.mcap", estimator, progress=lambda done, total: seen.append((done, total)))
+    assert (summary.images, summary.frames, summary.without_radar) == (5, 5, 0)
+    assert seen == [(index, 5) for index in range(1, 6)]
+    replay(drive, tmp_path / "b", estimator, options=ReplayOptions(preview=True, points=True))
+    first, second = depths(tmp_path / "a.mcap"), depths(tmp_path / "b")
+    assert list(first) == [START_NS + index * 100_000_000 for index in range(5)]
+    for stamp, depth in first.items():
+        np.testing.assert_array_equal(depth, second[stamp])
+    with BagReader(tmp_path / "b") as reader:
+        assert {topic.name for topic in reader.topics} == {
+            "/depth/image_rect",
+            "/depth/camera_info",
+            "/semi_dense/image_rect",
+            "/semi_dense/camera_info",
+            "/depth/confidence",
+            "/depth/preview",
+            "/depth/points",
+        }
+
+
+def test_passthrough_keeps_the_inputs(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
+    drive = write_drive(tmp_path / "drive", frames=2)
+    replay(drive, tmp_path / "out", estimator, options=ReplayOptions(passthrough=True, depth_encoding="16UC1"))
+    with BagReader(tmp_path / "out") as reader:
+        counts = {topic.name: topic.count for topic in reader.topics}
+    assert counts["/camera/image_raw"] == counts["/ground_truth/depth"] == counts["/depth/image_rect"] == 2
+
+
+@pytest.mark.parametrize(
+    ("without", "message"),
+    [
+        (("/camera/image_raw",), "image"),
+        (("/camera/camera_info",), "camera_info"),
+        (("/radar/points",), "radar"),
+        (("/tf_static",), "nothing came on /tf_static"),
+    ],
+)
+def test_a_bag_that_lacks_something_leaves_nothing_behind(
+    tmp_path: Path, write_drive: WriteDrive, estimator: Estimator, without: tuple[str, ...], message: str
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", without=without)
+    with pytest.raises(RadcamDepthError, match=message):
+        replay(drive, tmp_path / "out.mcap", estimator)
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.mcap"]
+
+
+def test_a_truncated_bag_leaves_nothing_behind(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
+    drive = write_drive(tmp_path / "drive.mcap")
+    drive.write_bytes(drive.read_bytes()[:20_000])
+    with pytest.raises(BagError):
+        replay(drive, tmp_path / "out.mcap", estimator)
+    with pytest.raises(BagError, match="missing"):
+        replay(tmp_path / "missing.mcap", tmp_path / "out.mcap", estimator)
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.mcap"]
+
+
+def test_samples_have_exact_depth(tmp_path: Path, write_drive: WriteDrive) -> None:
+    samples = list(read_samples(write_drive(tmp_path / "drive.mcap")))
+    assert len(samples) == 5
+    for index, sample in enumerate(samples):
+        assert sample.source == "exact"
+        assert sample.radars == ("/radar/points",)
+        assert len(sample.radar_parts[0]) == 4
+        assert np.isinf(sample.depth_m[:8]).all()
+        assert (sample.depth_m[8:] == 10.0 + index).all()
+
+
+def test_samples_without_ground_truth(tmp_path: Path, write_drive: WriteDrive) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", without=("/ground_truth/depth",))
+    samples = list(read_samples(drive))
+    assert {sample.source for sample in samples} == {"none"}
+    assert np.isnan(samples[0].depth_m).all()
+    with pytest.raises(DriveError, match="ground_truth 'exact' needs a topic"):
+        list(read_samples(drive, DriveSettings(ground_truth="exact")))
+    with pytest.raises(DriveError, match="ground_truth must be one of"):
+        DriveSettings(ground_truth="guess")
+
+
+def test_extrinsics_given_by_hand(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", without=("/tf_static",))
+    numbers = (*CAMERA_FROM_RADAR.translation, *CAMERA_FROM_RADAR.quaternion)
+    summary = replay(drive, tmp_path / "out", estimator, DriveSettings(camera_from_radar=numbers))
+    assert summary.frames == 5
+
+
+def test_a_real_drive(astyx_val: Path, tmp_path: Path, estimator: Estimator) -> None:
+    samples = list(read_samples(astyx_val))
+    assert len(samples) == 16
+    for sample in samples:
+        assert sample.source == "lidar"
+        assert 500 < np.isfinite(sample.depth_m).sum() < 5000
+        assert len(sample.frame.radar) > 500
+        assert sample.frame.camera != CAMERA
+    assert replay(astyx_val, tmp_path / "out.mcap", estimator).frames == 16

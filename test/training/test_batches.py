@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+
+import numpy as np
+import pytest
+import torch
+
+from radcam_depth_ros.training.augmentation import AugmentationConfig
+from radcam_depth_ros.training.batches import BatchMaker, SampleSet, collate, prefetch
+from radcam_depth_ros.training.samples import CachedDrive, TrainingError
+
+
+def test_a_batch_has_the_layout_that_networks_take(drive: CachedDrive) -> None:
+    batch = collate([drive[0], drive[1]])
+    assert batch.image.shape == (2, 3, 64, 128)
+    assert batch.image.is_contiguous(memory_format=torch.channels_last)
+    assert batch.image.max() <= 1
+    assert batch.radar.shape == (2, 16, 6)
+    assert batch.valid.sum(dim=1).tolist() == [3, 3]
+    assert torch.isfinite(batch.radar[~batch.valid]).all()
+    assert batch.ground.shape == (2, 3)
+    assert batch.depth_accumulated_m.shape == (2, 1, 64, 128)
+    assert torch.isinf(batch.depth_accumulated_m[0, 0, 0, 1])
+    assert batch.classes.shape == (2, 64, 128)
+    assert batch.to(torch.device("cpu")).depth_single_m is None
+
+
+def test_a_batch_is_a_function_of_its_position(drive: CachedDrive) -> None:
+    samples = SampleSet.of([drive])
+    first, again = (BatchMaker(samples, AugmentationConfig(), 3).make(8, 2, (32, 64)) for _ in range(2))
+    other = BatchMaker(samples, AugmentationConfig(), 4).make(8, 2, (32, 64))
+    assert torch.equal(first.image, again.image)
+    assert torch.equal(first.radar.nan_to_num(), again.radar.nan_to_num())
+    assert not torch.equal(first.image, other.image)
+
+
+def test_each_sample_comes_once_an_epoch(drive: CachedDrive) -> None:
+    samples = SampleSet.of([drive, drive])
+    maker = BatchMaker(samples, AugmentationConfig(), 0)
+    places = [maker._index(place) for place in range(24)]
+    assert sorted(places[:12]) == sorted(places[12:]) == list(range(12))
+    assert places[:12] != places[12:]
+
+
+def test_batches_made_ahead_come_in_order(drive: CachedDrive) -> None:
+    maker = BatchMaker(SampleSet.of([drive]), AugmentationConfig(), 0)
+    with ThreadPoolExecutor(2) as pool, closing(prefetch(maker, 4, 2, (32, 64), pool, 3)) as batches:
+        for position in (4, 6, 8, 10, 12):
+            assert torch.equal(next(batches).image, maker.make(position, 2, (32, 64)).image)
+
+
+def test_splitting_and_spreading(drive: CachedDrive) -> None:
+    train, held_out = SampleSet.of([drive, drive]).split(0.25)
+    assert (len(train), len(held_out)) == (9, 3)
+    np.testing.assert_array_equal(held_out[2].image, drive[5].image)
+    assert train.spread(3) == (0, 4, 8)
+    assert held_out.spread(40) == (0, 1, 2)
+    assert train.largest == (64, 128)
+    with pytest.raises(TrainingError, match="no frame"):
+        SampleSet.of([])

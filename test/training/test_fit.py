@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, archive, registry
+from radcam_depth_ros.training.augmentation import AugmentationConfig
+from radcam_depth_ros.training.batches import SampleSet
+from radcam_depth_ros.training.curves import read_metrics
+from radcam_depth_ros.training.fit import FitResult, Limits, StepReport, Trainer, TrainingData
+from radcam_depth_ros.training.losses import LossConfig
+from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
+from radcam_depth_ros.training.samples import CachedDrive, TrainingError
+from radcam_depth_ros.training.validation import ValidationResult
+
+
+@dataclass(frozen=True)
+class MiniatureConfig:
+    """What every network's config has."""
+
+    focal_length_px: float = 630.0
+    min_depth_m: float = 1.0
+    max_depth_m: float = 100.0
+
+
+class Miniature(Network):
+    """Two convolutions, and one logit a pixel that all returns share: quick, and with all that training asks for."""
+
+    config_type = MiniatureConfig
+
+    def __init__(self, config: MiniatureConfig) -> None:
+        super().__init__(config)
+        self.layers = nn.Sequential(
+            nn.Conv2d(3, 16, 5, padding=2), nn.BatchNorm2d(16), nn.ReLU(), nn.Conv2d(16, 3, 5, padding=2)
+        )
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        return self.train_outputs(image, radar, valid, ground).depths
+
+    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
+        raw = self.layers(image).float()
+        dense = 1 + 99 * torch.sigmoid(raw[:, :1])
+        column = torch.arange(image.shape[3]).expand(*valid.shape, -1)
+        association = Association(
+            raw[:, 1:2].expand(-1, valid.shape[1], -1, -1), torch.where(valid.unsqueeze(2), column, -1), 1
+        )
+        confidence = raw[:, 2:]
+        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), association, confidence)
+
+
+CONFIG = TrainingConfig(
+    iterations=6,
+    log_every_iterations=2,
+    stages=(StageConfig(0.5, 64, 64, 2), StageConfig(0.5, 64, 96, 1)),
+    optimiser=OptimiserConfig(warm_up_iterations=2),
+    validation=ValidationConfig(every_iterations=4, frames=1),
+)
+
+
+class Watch:
+    """Counts what a run tells."""
+
+    def __init__(self) -> None:
+        self.steps: list[StepReport] = []
+        self.validations: list[int] = []
+
+    def on_step(self, report: StepReport) -> None:
+        self.steps.append(report)
+
+    def on_validation(self, step: int, result: ValidationResult, is_best: bool) -> None:
+        self.validations.append(step)
+
+
+@pytest.fixture(autouse=True)
+def _with_miniature(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(registry._NETWORKS, "miniature", Miniature)
+
+
+@pytest.fixture
+def data(drive: CachedDrive) -> TrainingData:
+    train, validation = SampleSet.of([drive]).split(0.2)
+    return TrainingData(train, validation, "six made-up frames")
+
+
+def run(
+    data: TrainingData,
+    folder: Path,
+    config: TrainingConfig = CONFIG,
+    resume: bool = False,
+    stop_after: int = 10**9,
+    network: str = "miniature",
+) -> tuple[FitResult, Trainer, Watch]:
+    folder.mkdir(exist_ok=True)
+    watch = Watch()
+    trainer = Trainer(network, data, config, folder, watch, resume)
+    result = trainer.run(Limits(should_stop=lambda: trainer.state.step >= stop_after))
+    return result, trainer, watch
+
+
+def metrics(folder: Path) -> list[dict[str, object]]:
+    lines = read_metrics(folder / "metrics.jsonl")
+    return [{name: value for name, value in line.items() if name != "minutes"} for line in lines]
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_a_resumed_run_equals_an_uninterrupted_one(precision: str, tmp_path: Path, data: TrainingData) -> None:
+    config = dataclasses.replace(CONFIG, precision=precision)
+    whole, expected, watch = run(data, tmp_path / "whole", config)
+    assert whole.finished
+    assert watch.validations == [4, 6]
+    stopped, _, _ = run(data, tmp_path / "parts", config, stop_after=3)
+    assert not stopped.finished
+    resumed, trainer, _ = run(data, tmp_path / "parts", config, resume=True)
+    assert resumed.finished
+    for name, value in expected.network.state_dict().items():
+        assert torch.equal(value, trainer.network.state_dict()[name]), name
+    assert metrics(tmp_path / "parts") == metrics(tmp_path / "whole")
+    whole_card, card = (archive.load(result.archive or "").card for result in (whole, resumed))
+    assert card == whole_card
+
+
+def test_a_run_writes_weights_metrics_and_curves(tmp_path: Path, data: TrainingData) -> None:
+    result, _, watch = run(data, tmp_path / "run")
+    assert result.archive == tmp_path / "run" / "miniature.safetensors"
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
+        "curves.png",
+        "last.pt",
+        "metrics.jsonl",
+        "miniature.safetensors",
+        "miniature.yaml",
+    ]
+    lines = metrics(tmp_path / "run")
+    assert [line["step"] for line in lines] == [2, 4, 4, 6, 6]
+    assert [report.step for report in watch.steps] == [1, 2, 3, 4, 5, 6]
+    assert watch.steps[-1].progress == 1
+    assert "six made-up frames" in archive.load(result.archive).card.training_data
+
+
+def test_a_few_samples_are_learned_by_heart(tmp_path: Path, data: TrainingData) -> None:
+    plain = AugmentationConfig(mirror=0.0)
+    config = TrainingConfig(
+        iterations=60,
+        log_every_iterations=5,
+        stages=(StageConfig(1.0, 64, 128, 2),),
+        optimiser=OptimiserConfig(learning_rate=1e-2, warm_up_iterations=3, average_decay=0.5),
+        augmentation=plain,
+        validation=ValidationConfig(every_iterations=100, frames=1),
+    )
+    run(data, tmp_path / "run", config)
+    losses = [float(str(line["total"])) for line in metrics(tmp_path / "run") if line["kind"] == "train"]
+    assert losses[-1] < 0.7 * losses[0]
+
+
+def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
+    config = dataclasses.replace(CONFIG, iterations=2, stages=(StageConfig(1.0, 64, 64, 2),))
+    result, trainer, _ = run(data, tmp_path / "run", config, network="baff")
+    assert result.finished
+    assert archive.load(result.archive or "").card.network == "baff"
+    assert all(torch.isfinite(value).all() for value in trainer.network.state_dict().values())
+
+
+def test_a_time_limit_ends_a_run(tmp_path: Path, data: TrainingData) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    config = dataclasses.replace(CONFIG, iterations=10**6)
+    trainer = Trainer("miniature", data, config, folder, Watch(), False)
+    result = trainer.run(Limits(minutes=0.01))
+    assert result.finished
+    assert 0 < result.state.step < 10**6
+
+
+def test_lines_of_a_run_that_was_cut_off_are_dropped(tmp_path: Path, data: TrainingData) -> None:
+    run(data, tmp_path / "run", stop_after=3)
+    with (tmp_path / "run" / "metrics.jsonl").open("a") as file:
+        file.write(json.dumps({"kind": "train", "step": 5}) + '\n{"kind": "tr')
+    run(data, tmp_path / "run", resume=True, stop_after=4)
+    assert [line["step"] for line in metrics(tmp_path / "run")] == [2, 4, 4]
+
+
+def test_gradients_that_are_not_finite_end_a_run(tmp_path: Path, data: TrainingData) -> None:
+    # Infinite weights of a loss stand for whatever makes a gradient infinite.
+    config = dataclasses.replace(CONFIG, iterations=100, loss=LossConfig(accumulated=math.inf))
+    with pytest.raises(TrainingError, match=r"not finite in 10 iterations.*learning rate"):
+        run(data, tmp_path / "run", config)
+
+
+def test_resuming_with_other_data_or_nothing_is_refused(tmp_path: Path, data: TrainingData) -> None:
+    with pytest.raises(TrainingError, match="no checkpoint"):
+        run(data, tmp_path / "none", resume=True)
+    run(data, tmp_path / "run", stop_after=1)
+    fewer, _ = data.train.split(0.5)
+    with pytest.raises(TrainingError, match="trained on 5 samples"):
+        run(dataclasses.replace(data, train=fewer), tmp_path / "run", resume=True)
+    (tmp_path / "run" / "last.pt").write_bytes(b"no checkpoint")
+    with pytest.raises(TrainingError, match="cannot be resumed"):
+        run(data, tmp_path / "run", resume=True)

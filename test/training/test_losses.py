@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from radcam_depth_ros.networks import Association, Depths, TrainOutputs
+from radcam_depth_ros.training.losses import (
+    LossConfig,
+    association_loss,
+    confidence_loss,
+    dense_loss,
+    log_depth_loss,
+    total_loss,
+)
+from radcam_depth_ros.training.samples import TrainingError
+
+NAN, INF = float("nan"), float("inf")
+
+
+def entropy(logit: float, label: bool) -> float:
+    """Binary cross entropy of one logit."""
+    return math.log1p(math.exp(-logit if label else logit))
+
+
+def one_return(depth_m: float) -> torch.Tensor:
+    return torch.tensor([[[0.0, 0.0, depth_m, NAN, NAN, NAN]]])
+
+
+def test_association_counts_known_pixels_and_sky_and_weighs_positives() -> None:
+    # One row of four cells: belongs to the return, does not, unknown, sky.
+    truth = torch.tensor([[[[10.3, 10.5, NAN, INF]]]])
+    logits = torch.tensor([[[[1.0, -2.0, 9.0, 0.5]]]])
+    columns = torch.tensor([[[0, 1, 2, 3]]])
+    loss = association_loss(Association(logits, columns, 1), one_return(10.0), truth, LossConfig(positive_weight=3.0))
+    expected = (3 * entropy(1.0, True) + entropy(-2.0, False) + entropy(0.5, False)) / 3
+    assert float(loss) == pytest.approx(expected, rel=1e-6)
+
+
+def test_association_leaves_out_columns_outside_of_the_image() -> None:
+    truth = torch.full((1, 1, 1, 2), 10.0)
+    logits = torch.tensor([[[[7.0, 2.0, -5.0]]]])
+    loss = association_loss(
+        Association(logits, torch.tensor([[[-1, 1, -1]]]), 1), one_return(10.0), truth, LossConfig(positive_weight=1.0)
+    )
+    assert float(loss) == pytest.approx(entropy(2.0, True), rel=1e-6)
+
+
+def test_association_takes_the_cell_centre_at_a_stride() -> None:
+    truth = torch.full((1, 1, 4, 4), 50.0)
+    truth[0, 0, 3, 1] = 10.0  # row 1, column 0 of the grid at stride 2
+    logits = torch.zeros(1, 1, 2, 2)
+    logits[0, 0, 1, 0] = 4.0
+    loss = association_loss(
+        Association(logits, torch.tensor([[[0, 1]]]), 2), one_return(10.0), truth, LossConfig(positive_weight=1.0)
+    )
+    assert float(loss) == pytest.approx((entropy(4.0, True) + 3 * entropy(0.0, False)) / 4, rel=1e-6)
+
+
+def test_association_tolerance_can_grow_with_depth() -> None:
+    association = Association(torch.zeros(1, 1, 1, 1), torch.zeros(1, 1, 1, dtype=torch.int64), 1)
+    truth = torch.full((1, 1, 1, 1), 51.0)
+    losses = [
+        float(association_loss(association, one_return(50.0), truth, LossConfig(5.0, 0.4, share, positive_weight=2.0)))
+        for share in (0.0, 0.02)
+    ]
+    assert losses == pytest.approx([entropy(0.0, False), 2 * entropy(0.0, True)], rel=1e-6)
+
+
+def test_association_without_any_return_is_zero_and_passes_gradients() -> None:
+    logits = torch.zeros(1, 0, 2, 2, requires_grad=True)
+    association = Association(logits, torch.zeros(1, 0, 2, dtype=torch.int64), 1)
+    loss = association_loss(association, torch.zeros(1, 0, 6), torch.ones(1, 1, 2, 2), LossConfig())
+    loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
+    assert float(loss.detach()) == 0.0
+
+
+def test_association_gradient_is_finite_where_truth_is_unknown() -> None:
+    logits = torch.zeros(1, 1, 1, 2, requires_grad=True)
+    association = Association(logits, torch.tensor([[[0, 1]]]), 1)
+    loss = association_loss(association, one_return(10.0), torch.tensor([[[[NAN, 10.0]]]]), LossConfig())
+    loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
+    assert logits.grad is not None
+    assert logits.grad.flatten().tolist() == pytest.approx([0.0, -1.0])
+
+
+def test_dense_loss_is_smooth_l1_and_draws_the_sky_to_the_farthest_depth() -> None:
+    dense = torch.tensor([[[[10.5, 13.0, 90.0, 99.0, 5.0]]]])
+    truth = torch.tensor([[[[10.0, 10.0, INF, 150.0, NAN]]]])
+    in_range = (0.5 * 0.5**2 + (3.0 - 0.5)) / 2
+    beyond = ((10.0 - 0.5) + (1.0 - 0.5)) / 2
+    loss = dense_loss(dense, truth, 100.0, LossConfig(sky=0.2))
+    assert float(loss) == pytest.approx(in_range + 0.2 * beyond, rel=1e-6)
+
+
+def test_log_depth_loss_counts_a_tenth_alike_near_and_far() -> None:
+    dense = torch.tensor([[[[11.0, 88.0, 3.0]]]])
+    truth = torch.tensor([[[[10.0, 80.0, NAN]]]])
+    assert float(log_depth_loss(dense, truth, 100.0)) == pytest.approx(math.log(1.1), rel=1e-5)
+
+
+def test_confidence_is_taught_whether_the_depth_is_within_ten_percent() -> None:
+    dense = torch.tensor([[[[10.9, 11.1, 50.0]]]], requires_grad=True)
+    truth = torch.tensor([[[[10.0, 10.0, INF]]]])
+    logit = torch.tensor([[[[1.0, 2.0, 3.0]]]])
+    loss = confidence_loss(logit, dense, truth, 100.0, LossConfig())
+    assert float(loss) == pytest.approx((entropy(1.0, True) + entropy(2.0, False)) / 2, rel=1e-6)
+    assert not loss.requires_grad  # the depth is taken as it is
+
+
+def outputs() -> TrainOutputs:
+    dense = torch.full((1, 1, 1, 2), 12.0)
+    association = Association(torch.zeros(1, 1, 1, 2), torch.tensor([[[0, 1]]]), 1)
+    return TrainOutputs(Depths(dense, dense, dense), association, torch.zeros(1, 1, 1, 2))
+
+
+def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
+    accumulated, single = torch.full((1, 1, 1, 2), 10.0), torch.full((1, 1, 1, 2), 11.0)
+    config = LossConfig(association=0.5, accumulated=1.0, single=2.0, confidence=0.25, positive_weight=1.0)
+    association, confidence = 0.5 * entropy(0, True), 0.25 * entropy(0, False)
+    one = total_loss(outputs(), one_return(10.0), accumulated, None, 100.0, config)
+    assert float(one.total) == pytest.approx(association + confidence + 3 * 1.5, rel=1e-6)
+    two = total_loss(outputs(), one_return(10.0), accumulated, single, 100.0, config)
+    assert float(two.total) == pytest.approx(association + confidence + 1.5 + 2 * 0.5, rel=1e-6)
+    assert one.values()["dense"] == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("wrong", [{"sky": -1.0}, {"association_tolerance_m": 0.0}, {"positive_weight": -2.0}])
+def test_wrong_weights_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(TrainingError, match="must"):
+        LossConfig(**wrong)

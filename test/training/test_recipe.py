@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from radcam_depth_ros import configuration
+from radcam_depth_ros.networks import registry
+from radcam_depth_ros.training.precision import Precision
+from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig
+from radcam_depth_ros.training.samples import TrainingError
+
+RECIPES = sorted((Path(__file__).parents[2] / "config" / "train").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
+def test_shipped_recipes_fit_their_networks(path: Path) -> None:
+    recipe = configuration.load(TrainingConfig, path)
+    assert registry.create_config(path.stem, recipe.architecture)
+
+
+def test_the_shipped_recipe_of_baff_is_the_default() -> None:
+    recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == "baff"))
+    assert configuration.as_mapping(recipe) == configuration.as_mapping(TrainingConfig())
+
+
+def test_stages_follow_one_another() -> None:
+    config = TrainingConfig(stages=(StageConfig(0.7, 32, 64, 4), StageConfig(0.3, 64, 96, 2)))
+    assert [config.stage(progress).batch for progress in (0.0, 0.69, 0.71, 1.0)] == [4, 4, 2, 2]
+
+
+def test_learning_rates() -> None:
+    cosine = OptimiserConfig(1e-3, "cosine", final_share=0.1, warm_up_iterations=10)
+    assert cosine.rate(0, 0.0) == pytest.approx(1e-4)
+    assert cosine.rate(100, 0.5) == pytest.approx(1e-3 * 0.55)
+    assert cosine.rate(1000, 1.0) == pytest.approx(1e-4)
+    step = OptimiserConfig(2e-4, "step", warm_up_iterations=0)
+    assert [step.rate(9, progress) for progress in (0.5, 0.9)] == pytest.approx([2e-4, 1e-4])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"stages": [{"share": 0.5, "height": 64, "width": 64, "batch": 1}]}, "sum to 1"),
+        ({"stages": [{"share": 1, "height": 60, "width": 64, "batch": 1}]}, "multiples of 32"),
+        ({"stages": [{"share": 1, "height": 64, "width": 64, "batch": 0}]}, "a batch"),
+        ({"optimiser": {"schedule": "linear"}}, "cosine"),
+        ({"optimiser": {"learning_rate": -1}}, "learning_rate"),
+        ({"precision": "float16"}, "precision"),
+        ({"validation": {"frames": 0}}, "validation needs"),
+        ({"iterations": 0}, "at least 1"),
+    ],
+)
+def test_wrong_recipes_are_refused(wrong: dict[str, object], message: str) -> None:
+    with pytest.raises(TrainingError, match=message):
+        configuration.build(TrainingConfig, wrong)
+
+
+def test_an_unknown_key_is_told_with_its_neighbour() -> None:
+    with pytest.raises(configuration.ConfigurationError, match="learning_rate"):
+        configuration.build(TrainingConfig, {"optimiser": {"learnin_rate": 1e-3}})
+
+
+def test_a_device_that_is_not_there_is_refused() -> None:
+    with pytest.raises(TrainingError, match="device"):
+        Precision.choose("auto", "abacus")
