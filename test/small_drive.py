@@ -16,8 +16,8 @@ from radcam_depth_ros.messages import (
     encode_points,
 )
 
-CAMERA = CameraModel(96, 64, 100.0, 100.0, 47.5, 31.5)
-CAMERA_FROM_RADAR = RigidTransform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.array([0.1, 0.5, -1.0]))
+CAMERA = CameraModel(96, 64, 630.0, 630.0, 47.5, 31.5)  # the network's focal length: nothing is scaled
+CAMERA_FROM_RADAR = RigidTransform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.array([0.1, 0.2, -1.0]))
 PERIOD_NS = 100_000_000
 START_NS = 1_000_000_000
 
@@ -29,7 +29,7 @@ def small_image(index: int) -> ImageArray:
 
 def small_returns(index: int) -> np.ndarray:
     """Radar returns in the radar's frame (x forward), (4, 3) metres."""
-    return np.array([[8.0 + index, 0.5, 0], [20, -2, 0.2], [35, 4, 0.1], [12, 1, 0]], np.float32)
+    return np.array([[8.0 + index, 0.3, 0], [20, -0.8, 0.2], [35, 1.5, 0.1], [12, 0.5, 0]], np.float32)
 
 
 def small_messages(make: MessageFactory, index: int) -> list[tuple[str, str, Any, int]]:

@@ -45,7 +45,7 @@ def test_messages_become_frames_and_frames_messages(estimator: Estimator) -> Non
     pipeline = primed(estimator)
     (frame,) = feed(pipeline, 0)
     np.testing.assert_array_equal(frame.image, small_image(0))
-    np.testing.assert_allclose(frame.radar.xyz_m, CAMERA_FROM_RADAR.apply(small_returns(0)))
+    np.testing.assert_allclose(frame.radar.xyz_m, CAMERA_FROM_RADAR.apply(small_returns(0)), atol=1e-6)
     np.testing.assert_allclose(frame.radar.age_s, 0.02, atol=1e-6)
     assert (frame.camera, frame.frame_id, frame.stamp_ns) == (CAMERA, "camera", START_NS)
     assert frame.radar_counts == (4,)

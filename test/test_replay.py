@@ -118,7 +118,7 @@ def test_extrinsics_given_by_hand(tmp_path: Path, write_drive: WriteDrive, estim
     assert summary.frames == 5
 
 
-def test_a_real_drive(astyx_val: Path, tmp_path: Path, estimator: Estimator) -> None:
+def test_a_real_drive(astyx_val: Path, estimator: Estimator) -> None:
     samples = list(read_samples(astyx_val))
     assert len(samples) == 16
     for sample in samples:
@@ -126,4 +126,4 @@ def test_a_real_drive(astyx_val: Path, tmp_path: Path, estimator: Estimator) -> 
         assert 500 < np.isfinite(sample.depth_m).sum() < 5000
         assert len(sample.frame.radar) > 500
         assert sample.frame.camera != CAMERA
-    assert replay(astyx_val, tmp_path / "out.mcap", estimator).frames == 16
+    assert np.isfinite(estimator.estimate(samples[-1].frame).dense).all()

@@ -16,9 +16,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from radcam_depth_ros import configuration
+from radcam_depth_ros.files import write_text
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.cache import CacheSettings
-from radcam_depth_ros.training.checkpoint import write_text
 from radcam_depth_ros.training.data import find_bags, load_data
 from radcam_depth_ros.training.fit import RUN_FILE, FitResult, Limits, StepReport, Trainer, TrainingData
 from radcam_depth_ros.training.recipe import TrainingConfig
@@ -128,10 +128,6 @@ def _new_plan(
     if seed is not None:
         mapping["seed"] = seed
     registry.create_config(network, mapping["architecture"])
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise TrainingError(f"cannot make the run's folder {out}: {error.strerror}") from None
     return {
         "network": network,
         "bags": [str(bag.resolve()) for bag in find_bags(bags)],

@@ -60,12 +60,13 @@ class Parameters:
                 value = spec.convert(given)
             except ParameterError as error:
                 self._refused[spec.name] = str(error)
-        if isinstance(value, tuple) and not value:
+        if value == () and spec.type is Parameter.Type.DOUBLE_ARRAY:
             # rclpy takes an empty list for one of bytes; declared by its type, it has no value.
             self._node.declare_parameter(spec.name, spec.type, spec.descriptor(), ignore_override=True)
-        else:
-            value = list(value) if isinstance(value, tuple) else value
-            self._node.declare_parameter(spec.name, value, spec.descriptor(), ignore_override=True)
+            return
+        if isinstance(value, tuple):
+            value = list(value) or [""]
+        self._node.declare_parameter(spec.name, value, spec.descriptor(), ignore_override=True)
 
     def _build(self, changes: dict[str, Any]) -> NodeConfig:
         """The config with some parameters changed."""

@@ -108,7 +108,10 @@ def _texts(values: Any) -> tuple[str, ...] | None:
     if isinstance(values, str) or not isinstance(values, Iterable):
         return None
     texts = tuple(_text(value) for value in values)
-    return None if None in texts else typing.cast("tuple[str, ...]", texts)
+    if None in texts:
+        return None
+    # A parameter file cannot hold an empty list: rclpy takes it for nothing at all. [""] stands for it.
+    return tuple(text for text in texts if text)
 
 
 _TYPES: dict[Any, Parameter.Type] = {

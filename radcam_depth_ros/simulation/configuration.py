@@ -131,7 +131,7 @@ class CameraConfig:
                 f"camera.{low} and camera.{high} must be {least} to {most} and in order, got {first} and {second}",
             )
         _require(0 <= self.max_pitch_deg <= 20, f"camera.max_pitch_deg must be 0 to 20, got {self.max_pitch_deg}")
-        _require(0 <= self.edge_samples <= 16, f"camera.edge_samples must be 0 to 16, got {self.edge_samples}")
+        _require(0 <= self.edge_samples <= 8, f"camera.edge_samples must be 0 to 8, got {self.edge_samples}")
 
 
 @dataclass(frozen=True)

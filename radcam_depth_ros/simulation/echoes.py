@@ -178,12 +178,14 @@ def detected(echoes: Echoes, threshold_db: float, missed: float, max_points: int
 
     Args:
         echoes: Cells.
-        threshold_db: Cross section in dBsm that is just seen at 50 m.
+        threshold_db: Cross section in dBsm that is just seen at 50 m. Nearer it falls slowly: a radar damps what
+            is near, or it would see every blade of grass.
         missed: Share that is lost at random.
         max_points: At most so many are kept.
         rng: Random generator.
     """
-    level = 10 * np.log10(np.maximum(echoes.section_m2, 1e-9)) - 40 * np.log10(np.maximum(echoes.range_m, 1.0) / 50)
+    decades = np.log10(np.maximum(echoes.range_m, 1.0) / 50)
+    level = 10 * np.log10(np.maximum(echoes.section_m2, 1e-9)) - np.where(decades > 0, 40, 12) * decades
     level = level + rng.normal(0, 2.0, len(level))
     seen = np.flatnonzero((level > threshold_db) & (rng.random(len(level)) >= missed))
     strongest = seen[np.argsort(-level[seen], kind="stable")[:max_points]]
@@ -191,9 +193,25 @@ def detected(echoes: Echoes, threshold_db: float, missed: float, max_points: int
 
 
 def with_false_echoes(
-    echoes: Echoes, ghosts: float, clutter: float, max_range_m: float, half_azimuth: float, rng: np.random.Generator
+    echoes: Echoes,
+    ghosts: float,
+    clutter: float,
+    max_range_m: float,
+    half_azimuth: float,
+    max_points: int,
+    rng: np.random.Generator,
 ) -> Echoes:
-    """Adds echoes from nothing, and second ones of strong echoes by way of something else."""
+    """Adds echoes from nothing, and second ones of some echoes by way of something else.
+
+    Args:
+        echoes: What was detected.
+        ghosts: Share of echoes that are seen twice.
+        clutter: Number of echoes from nothing, on average.
+        max_range_m: Nothing is further away.
+        half_azimuth: Nothing is further to the side, radians.
+        max_points: So many are kept, true ones or not.
+        rng: Random generator.
+    """
     strong = np.flatnonzero(rng.random(len(echoes)) < ghosts)
     mirrored = echoes.some(strong)
     twice = rng.random(len(strong)) < 0.4
@@ -218,4 +236,4 @@ def with_false_echoes(
         rng.normal(0, 8, count).astype(np.float32),
     )
     everything = echoes.joined(ghost.some(ghost.range_m < max_range_m)).joined(nothing)
-    return everything
+    return everything.some(np.sort(rng.permutation(len(everything))[:max_points]))

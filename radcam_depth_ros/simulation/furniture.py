@@ -196,7 +196,8 @@ def guard_rail(length: float) -> Mesh:
         ]
         for i in range(4)
     ]
-    posts = [box([0.1, 0.06, 0.7], [x, 0.08, 0.35], steel) for x in np.arange(0.5, length, 4.0)]
+    post = box([0.1, 0.06, 0.7], [0.0, 0.08, 0.35], steel)
+    posts = [post.moved((float(x), 0.0, 0.0)) for x in np.arange(0.5, length, 4.0)]
     return join([quads(faces, steel), *posts])
 
 

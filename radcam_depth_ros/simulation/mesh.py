@@ -87,8 +87,8 @@ def quads(corners: npt.ArrayLike, material: Material, uv: npt.ArrayLike | None =
     if uv is None:
         along = points[:, 1] - points[:, 0]
         along /= np.linalg.norm(along, axis=1, keepdims=True) + 1e-12
-        normal = np.cross(along, points[:, 3] - points[:, 0])
-        across = np.cross(normal / (np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12), along)
+        normal = cross(along, points[:, 3] - points[:, 0])
+        across = cross(normal / (np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12), along)
         offset = points - points[:, :1]
         texture = np.stack([np.einsum("qki,qi->qk", offset, along), np.einsum("qki,qi->qk", offset, across)], -1)
         texture /= material.tile_m
@@ -148,7 +148,7 @@ def prism(
 def _without_slivers(mesh: Mesh) -> Mesh:
     """Without the faces of no area that remain where corners of a quad meet."""
     edges = mesh.corners[:, 1:] - mesh.corners[:, :1]
-    keep = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-7
+    keep = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-7
     return Mesh(**{field.name: getattr(mesh, field.name)[keep] for field in fields(Mesh)})
 
 
@@ -221,6 +221,15 @@ def sheet(
     return replace(mesh, normals=smooth.astype(np.float32))
 
 
+def cross(a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Cross products of rows (N, 3); numpy's own takes several times as long for few rows."""
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    product[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    product[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    product[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return product
+
+
 def _grid_faces(grid: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
     a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     faces = np.stack([np.stack([a, b, c], 2), np.stack([a, c, d], 2)], 2)
@@ -229,7 +238,7 @@ def _grid_faces(grid: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
 
 def _from_corners(corners: npt.NDArray[np.floating], uv: npt.NDArray[np.floating], material: Material) -> Mesh:
     count = len(corners)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal = normal / (np.linalg.norm(normal, axis=1, keepdims=True) + 1e-12)
     return Mesh(
         np.ascontiguousarray(corners, np.float32),

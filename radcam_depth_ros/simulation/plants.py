@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.mesh import Mesh, ball, box, join, quads, tube
+from radcam_depth_ros.simulation.mesh import Mesh, ball, box, cross, join, quads, tube
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
 
 
@@ -90,7 +90,7 @@ def _leaves(
     count = len(centres)
     first = rng.standard_normal((count, 3))
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(first, rng.standard_normal((count, 3)))
+    second = cross(first, rng.standard_normal((count, 3)))
     second /= np.linalg.norm(second, axis=1, keepdims=True) + 1e-9
     half = size * rng.uniform(0.6, 1.3, (count, 1))
     corners = np.stack(
@@ -197,9 +197,9 @@ def _bare(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant
 def _sticks(segments: npt.NDArray[np.floating], width: npt.NDArray[np.floating], material: Material) -> Mesh:
     """Two crossed faces for each segment (N, 2, 3)."""
     axis = segments[:, 1] - segments[:, 0]
-    first = np.cross(axis, np.array([0.31, 0.93, 0.2]))
+    first = cross(axis, np.array([[0.31, 0.93, 0.2]]))
     first /= np.linalg.norm(first, axis=1, keepdims=True) + 1e-9
-    second = np.cross(axis, first)
+    second = cross(axis, first)
     second /= np.linalg.norm(second, axis=1, keepdims=True) + 1e-9
     faces = []
     for across in (first, second):
@@ -223,7 +223,7 @@ def _twigs(
     origin = np.repeat(branches, each, axis=0)
     base = origin[:, 0] + (origin[:, 1] - origin[:, 0]) * rng.uniform(0.3, 1, (len(origin), 1))
     reach = rng.normal(0, 0.05 * height, (len(origin), 3)) + np.array([0, 0, 0.02 * height])
-    side = np.cross(reach, rng.standard_normal(reach.shape))
+    side = cross(reach, rng.standard_normal(reach.shape))
     side *= width / (np.linalg.norm(side, axis=1, keepdims=True) + 1e-9)
     return quads(np.stack([base - side, base + side, base + reach + side * 0.3, base + reach - side * 0.3], 1), twig)
 

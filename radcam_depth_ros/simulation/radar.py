@@ -28,8 +28,10 @@ def sweep_radar(
     fan = Fan.of_degrees(config.field_of_view_deg / 2, int(config.field_of_view_deg * 2) + 1, -7.0, 9.0, 25)
     echoes = trace(scene, world_from_radar, radar_velocity, fan, config.max_range_m, 0.3, rng)
     cells = gather(echoes, 0.9, np.deg2rad(2.2), 10.0, 1.0)
-    found = detected(cells, -1.0, config.missed, config.max_points, rng)
-    found = with_false_echoes(found, config.ghosts, config.clutter, config.max_range_m, float(half), rng)
+    found = detected(cells, -6.0, config.missed, config.max_points, rng)
+    found = with_false_echoes(
+        found, config.ghosts, config.clutter, config.max_range_m, float(half), config.max_points, rng
+    )
     count = len(found)
     # The beam widens to the sides, and so does the error of the angle.
     wider = 1 + 2 * (np.abs(found.azimuth) / half) ** 2
@@ -77,8 +79,10 @@ def sweep_imaging_radar(
     # It tells most of what comes from below the road from what is there.
     echoes = trace(scene, world_from_radar, radar_velocity, fan, config.max_range_m, 0.02, rng)
     cells = gather(echoes, 0.4, np.deg2rad(1.0), np.deg2rad(1.5), 0.5)
-    found = detected(cells, -9.0, config.missed, config.max_points, rng)
-    found = with_false_echoes(found, config.ghosts, config.clutter, config.max_range_m, float(half), rng)
+    found = detected(cells, -20.0, config.missed, config.max_points, rng)
+    found = with_false_echoes(
+        found, config.ghosts, config.clutter, config.max_range_m, float(half), config.max_points, rng
+    )
     count = len(found)
     range_m = np.maximum(found.range_m + config.range_noise_m * rng.standard_normal(count), 0.2)
     azimuth = found.azimuth + np.deg2rad(config.azimuth_noise_deg) * rng.standard_normal(count)

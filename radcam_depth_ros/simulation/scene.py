@@ -11,7 +11,7 @@ from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.mesh import Mesh, join
+from radcam_depth_ros.simulation.mesh import Mesh, cross, join
 
 IntArray = npt.NDArray[np.int32]
 
@@ -111,7 +111,7 @@ class Scene:
 
 def _texture_density(mesh: Mesh) -> FloatArray:
     edges, steps = mesh.corners[:, 1:] - mesh.corners[:, :1], mesh.uv[:, 1:] - mesh.uv[:, :1]
-    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    area = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1)
     tiles = np.abs(steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0])
     return np.asarray(np.sqrt(tiles / (area + 1e-12)), np.float32)
 

@@ -173,7 +173,8 @@ def _slabs(rng: np.random.Generator, across: int, along: int, spread: float, shi
 def _snow(rng: np.random.Generator) -> npt.NDArray[np.floating]:
     cover = np.clip(1.2 + 1.1 * fractal(rng, TILE, 1.4), 0, 1)[..., None]
     ground = np.array([0.16, 0.15, 0.11]) * (1 + 0.3 * fractal(rng, TILE, 0.6)[..., None])
-    return cover * (0.9 + 0.05 * fractal(rng, TILE, 0.8)[..., None]) + (1 - cover) * ground
+    white = 0.9 + 0.05 * fractal(rng, TILE, 0.8)[..., None]
+    return np.asarray(cover * white + (1 - cover) * ground, np.float32)
 
 
 def _roof_tiles(rng: np.random.Generator) -> npt.NDArray[np.floating]:

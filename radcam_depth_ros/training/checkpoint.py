@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -16,6 +16,7 @@ from typing import Any, Generic, TypeVar
 import torch
 from torch import Tensor, nn
 
+from radcam_depth_ros.files import whole
 from radcam_depth_ros.training.samples import TrainingError
 
 NetworkT = TypeVar("NetworkT", bound=nn.Module)
@@ -103,7 +104,11 @@ def save_checkpoint(
     averaged: AveragedWeights[Any],
     optimiser: torch.optim.Optimizer,
 ) -> None:
-    """Writes all that a run needs to go on exactly as it would have."""
+    """Writes all that a run needs to go on exactly as it would have.
+
+    Raises:
+        TrainingError: when it cannot be written; the checkpoint before it is intact.
+    """
     content = {
         "state": asdict(state),
         "network": network.state_dict(),
@@ -111,7 +116,11 @@ def save_checkpoint(
         "optimiser": optimiser.state_dict(),
         "torch_rng": torch.get_rng_state(),
     }
-    _write(path, lambda partial: torch.save(content, partial))
+    with whole(path) as partial:
+        try:
+            torch.save(content, partial)
+        except RuntimeError as error:  # what torch makes of a full disk
+            raise TrainingError(f"cannot write {path} ({str(error).splitlines()[0]}); is the disk full?") from None
 
 
 def load_checkpoint(
@@ -136,20 +145,3 @@ def load_checkpoint(
         raise TrainingError(f"the checkpoint {path} cannot be resumed: {reason}") from None
     torch.set_rng_state(rng)
     return state
-
-
-def write_text(path: Path, text: str) -> None:
-    """Writes a file as a whole or not at all."""
-    _write(path, lambda partial: partial.write_text(text, encoding="utf-8"))
-
-
-def _write(path: Path, write: Callable[[Path], object]) -> None:
-    partial = path.with_name(path.name + ".part")
-    try:
-        write(partial)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise TrainingError(
-            f"cannot write {path}: {error.strerror or error}; what was there before is intact"
-        ) from None

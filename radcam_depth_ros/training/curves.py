@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcam_depth_ros.training.checkpoint import write_text
+from radcam_depth_ros.files import whole, write_text
+from radcam_depth_ros.training.samples import TrainingError
 
 
 class MetricsLog:
@@ -25,10 +26,13 @@ class MetricsLog:
         write_text(path, "".join(json.dumps(line) + "\n" for line in kept))
 
     def add(self, kind: str, step: int, values: Mapping[str, float]) -> None:
-        """Adds a line; numbers that are not finite become null."""
+        """Adds a line; numbers that are not finite become null. TrainingError when it cannot be written."""
         numbers = {name: round(value, 6) if math.isfinite(value) else None for name, value in values.items()}
-        with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"kind": kind, "step": step, **numbers}) + "\n")
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"kind": kind, "step": step, **numbers}) + "\n")
+        except OSError as error:
+            raise TrainingError(f"cannot write {self._path}: {error.strerror or error}") from None
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
@@ -61,6 +65,5 @@ def draw_curves(metrics: list[dict[str, Any]], path: Path, title: str) -> None:
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
         axes.legend()
-    partial = path.with_name(path.name + ".part")
-    figure.savefig(partial, format="png", dpi=90)
-    partial.replace(path)
+    with whole(path) as partial:
+        figure.savefig(partial, format="png", dpi=90)

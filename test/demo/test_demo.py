@@ -14,21 +14,24 @@ from small_drive import PERIOD_NS, START_NS
 from radcam_depth_ros.bags import BagReader
 
 ROOT = Path(__file__).parents[2]
+TIMEOUT_S = 240
+
+pytestmark = pytest.mark.timeout(TIMEOUT_S + 20)
 
 
 def run_demo(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "demo", *map(str, arguments)]
     # Without a domain from outside it takes one of its own, in which no node of another test is heard.
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=110, check=False)
+    environment["OMP_NUM_THREADS"] = "1"
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+    )
 
 
-@pytest.mark.parametrize("pace", [(), ("--rate", "0.5")], ids=["as fast as the node", "at a given rate"])
-def test_every_image_gets_a_depth_image(
-    pace: tuple[str, ...], write_drive: Callable[..., Path], small_weights: Path, tmp_path: Path
-) -> None:
+def test_every_image_gets_a_depth_image(write_drive: Callable[..., Path], small_weights: Path, tmp_path: Path) -> None:
     drive, out = write_drive(tmp_path / "drive.mcap"), tmp_path / "out"
-    done = run_demo("--bag", drive, "--model", small_weights, "--out", out, *pace)
+    done = run_demo("--bag", drive, "--model", small_weights, "--out", out)
     assert done.returncode == 0, done.stderr
     with BagReader(out / "depth.mcap") as reader:
         stamps_ns = [message.log_time_ns for message in reader.messages(["/depth/image_rect"])]

@@ -15,8 +15,8 @@ import numpy as np
 from radcam_depth_ros.frame import CameraModel
 
 FRAMES = 200
-NETWORK_S = 0.08
-CAMERA = CameraModel(320, 240, 300.0, 300.0, 159.5, 119.5)
+NETWORK_S = 0.1
+CAMERA = CameraModel(160, 120, 150.0, 150.0, 79.5, 59.5)
 
 
 def resident_mib() -> float:
@@ -33,45 +33,55 @@ def test_the_newest_image_is_worked_on_and_nothing_piles_up(
 ) -> None:
     bench = start(lambda config: make_estimator(config, seconds=NETWORK_S))
     bench.connect()
-    bench.await_depth()
+    bench.await_depth(lambda: bench.send_pair(bench.image(CAMERA), camera_info=bench.camera_info(CAMERA)))
     session = bench.node._session
+
+    def is_idle() -> bool:
+        return bool(session.frames_in == session.frames_out.count + session.frames_dropped)
+
+    bench.until(is_idle)
     behind: list[int] = []
-    sent_ns: list[int] = []
-    estimate = bench.fake.estimate
+    handed_ns: list[int] = []
+    estimate, put = bench.fake.estimate, session._worker.put
+
+    def put_and_note(ticket: Any) -> None:
+        handed_ns.append(ticket.frame.stamp_ns)
+        put(ticket)
 
     def estimate_and_look(frame: Any) -> Any:
-        behind.append(sum(stamp > frame.stamp_ns for stamp in sent_ns))
+        behind.append(sum(stamp > frame.stamp_ns for stamp in handed_ns))
         return estimate(frame)
 
-    bench.fake.estimate = estimate_and_look
-    before_in, before_out, before_dropped = session.frames_in, session.frames_out.count, session.frames_dropped
-    infos, memory, threads = bench.camera_info(CAMERA), [], threading.active_count()
+    session._worker.put, bench.fake.estimate = put_and_note, estimate_and_look
+    before_in, before_dropped = session.frames_in, session.frames_dropped
+    image, cloud, threads = bench.image(CAMERA), bench.cloud(), threading.active_count()
+    memory: list[float] = []
     next_s = time.monotonic()
-    for _ in range(FRAMES):
+    while session.frames_in - before_in < FRAMES:
         bench.now_ns += 10_000_000
-        sent_ns.append(bench.now_ns)
-        bench.send_pair(image=bench.image(CAMERA), camera_info=infos)
+        for topic, message in (("radar/points", cloud), ("image", image)):
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(bench.now_ns, 1_000_000_000)
+            bench.send(topic, message)
+        bench.depth.clear()
         memory.append(resident_mib())
         next_s += NETWORK_S / 2
         bench.until(functools.partial(is_past, next_s))
-    bench.until(lambda: session.busy_since_ns is None)
+    bench.until(is_idle)
 
     frames_in, dropped = session.frames_in - before_in, session.frames_dropped - before_dropped
-    frames_out = session.frames_out.count - before_out
-    assert frames_in >= 0.9 * FRAMES
-    assert frames_out + dropped == frames_in
-    assert dropped >= 0.3 * frames_in
+    assert dropped >= 0.25 * frames_in
     assert bench.fake.stamps_ns == sorted(bench.fake.stamps_ns)
-    # One that was sent may still be under way when the network takes the newest that came.
-    assert np.percentile(behind, 90) <= 1
+    # One may come between the moment when the worker takes the newest and that when it is looked at here.
+    assert np.median(behind) == 0
+    assert max(behind) <= 1
     processing_ms, latency_ms = session.processing.percentiles_ms()[0], session.latency.percentiles_ms()
     assert latency_ms[1] < 2.5 * processing_ms, (latency_ms, processing_ms)
     assert threading.active_count() == threads
-    assert memory[-1] - memory[FRAMES // 4] < 8, memory
+    assert memory[-1] - memory[FRAMES // 4] < 5, memory
 
-    bench.diagnostics.clear()
-    status = bench.until(lambda: bench.status("inference", "from image to depth"))
-    values = {value.key: value.value for value in status.values}
-    assert values["dropped: overload"] == str(session.frames_dropped)
-    assert values["frames out"] == str(session.frames_out.count)
-    assert {"latency p50 [ms]", "latency p95 [ms]", "latency p99 [ms]"} <= values.keys()
+    def told() -> dict[str, str]:
+        return {value.key: value.value for value in bench.diagnostics[-1]["inference"].values}
+
+    bench.until(lambda: told()["dropped: overload"] == str(session.frames_dropped), what="the count of drops")
+    bench.until(lambda: told()["frames out"] == str(session.frames_out.count), what="the count of frames")
+    assert {"latency p50 [ms]", "latency p95 [ms]", "latency p99 [ms]"} <= told().keys()

@@ -24,10 +24,26 @@ TOPICS = {
     "/tf",
     "/tf_static",
 }
-NUSCENES_FIELDS = (
-    "x y z dyn_prop id rcs vx vy vx_comp vy_comp is_quality_valid ambig_state x_rms y_rms invalid_state pdh0 "
-    "vx_rms vy_rms"
-).split()
+NUSCENES_FIELDS = [
+    "x",
+    "y",
+    "z",
+    "dyn_prop",
+    "id",
+    "rcs",
+    "vx",
+    "vy",
+    "vx_comp",
+    "vy_comp",
+    "is_quality_valid",
+    "ambig_state",
+    "x_rms",
+    "y_rms",
+    "invalid_state",
+    "pdh0",
+    "vx_rms",
+    "vy_rms",
+]
 
 
 def transforms(drive: Any) -> TransformTree:

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from radcam_depth_ros.cli import app
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.networks import archive
+
+RECIPE = {
+    "iterations": 2,
+    "stages": [{"share": 1.0, "height": 64, "width": 64, "batch": 1}],
+    "validation": {"frames": 1},
+}
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    path = tmp_path / "recipe.yaml"
+    path.write_text(yaml.safe_dump(RECIPE))
+    return path
+
+
+def invoke(*arguments: object) -> str:
+    """What `radcam-depth train` prints; what it raises is raised."""
+    words = ["train", *(str(argument) for argument in arguments)]
+    return CliRunner().invoke(app, words, catch_exceptions=False).output
+
+
+def test_a_network_is_trained_and_trained_on(
+    tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]
+) -> None:
+    make_bags(2)
+    run = tmp_path / "run"
+    output = invoke("--bags", tmp_path / "bags", "--out", run, "--config", recipe, "--processes", 1)
+    assert "training baff on 6 frames of 1 bags (bags); validating on 6" in output
+    card = archive.load(run / "baff.safetensors").card
+    assert "2 iterations" in card.training_data
+    assert "validation_mae_80_m" in card.metrics
+    invoke("--out", run, "--resume", "--iterations", 3)
+    assert yaml.safe_load((run / "run.yaml").read_text())["config"]["iterations"] == 3
+    with pytest.raises(RadcamDepthError, match="already holds a run"):
+        invoke("--bags", tmp_path / "bags", "--out", run)
+    with pytest.raises(RadcamDepthError, match="takes bags, recipe and seed from the run"):
+        invoke("--bags", tmp_path / "bags", "--out", run, "--resume")
+
+
+def test_bags_may_follow_one_option(tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]) -> None:
+    bags = make_bags(3)
+    with pytest.raises(RadcamDepthError, match="unknown network"):
+        invoke("--bags", *bags, "--out", tmp_path / "run", "--network", "foundation")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--bags", "missing"], "no bag at missing"),
+        ([], "give the bags to train on"),
+        (["--resume"], "holds no run to resume"),
+    ],
+)
+def test_mistakes_are_told(arguments: list[str], message: str, tmp_path: Path) -> None:
+    with pytest.raises(RadcamDepthError, match=message):
+        invoke("--out", tmp_path / "run", *arguments)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_drive_for_measuring_is_refused(tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]) -> None:
+    drive = make_bags(1)[0].rename(tmp_path / "seed_1000003.mcap")
+    with pytest.raises(RadcamDepthError, match="kept for measuring"):
+        invoke("--bags", drive, "--out", tmp_path / "run", "--config", recipe)
+
+
+def test_a_recipe_with_a_mistake_is_told(tmp_path: Path, make_bags: Callable[[int], list[Path]]) -> None:
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text("optimizer: {learning_rate: 1.0e-3}")
+    with pytest.raises(RadcamDepthError, match="did you mean optimiser"):
+        invoke("--bags", make_bags(1)[0], "--out", tmp_path / "run", "--config", recipe)
