@@ -1,6 +1,5 @@
 # make help lists what there is. Everything runs in .venv, which the first target that needs it makes.
 SHELL := /bin/bash
-PYTHON_FILES := radcam_depth_ros demo test setup.py
 
 # The virtual environment brings its own ROS 2: one that is sourced in this shell must not mix with it.
 unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH
@@ -29,13 +28,13 @@ test: .venv/installed ## all tests
 	@ROS_PYTHON_CHECK_FIELDS=1 .venv/bin/python -m pytest $(PYTEST_ARGS)
 
 lint: .venv/installed ## ruff and mypy, as CI runs them
-	@.venv/bin/python -m ruff check $(PYTHON_FILES)
-	@.venv/bin/python -m ruff format --check $(PYTHON_FILES)
+	@.venv/bin/python -m ruff check .
+	@.venv/bin/python -m ruff format --check .
 	@.venv/bin/python -m mypy
 
 format: .venv/installed ## format and sort imports in place
-	@.venv/bin/python -m ruff check --fix $(PYTHON_FILES)
-	@.venv/bin/python -m ruff format $(PYTHON_FILES)
+	@.venv/bin/python -m ruff check --fix .
+	@.venv/bin/python -m ruff format .
 
 clean: ## remove what was built, made and measured here, .venv included
 	@rm -rf .venv build install log out *.egg-info

@@ -1,11 +1,10 @@
 """The node on a vehicle: ros2 launch radcam_depth_ros depth.launch.py image:=/front/image_raw ..."""
 
+from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchContext, LaunchDescription
 
 PACKAGE = "radcam_depth_ros"
 

@@ -1,13 +1,12 @@
 """A recorded drive through the node: ros2 launch radcam_depth_ros replay.launch.py bag:=drive.mcap image:=... ."""
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, TimerAction
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchDescription
 
 PACKAGE = "radcam_depth_ros"
 # Arguments of depth.launch.py that a replay passes on, with their defaults there.

@@ -128,13 +128,17 @@ def test_the_table_has_no_cycle() -> None:
         done |= ready
 
 
-def test_everything_else_imports_where_ros_is_not_installed() -> None:
+@pytest.mark.parametrize(
+    ("missing", "rooms_that_need_it"),
+    [("rclpy", ("node", "parameters")), ("embreex", ("simulation",))],
+)
+def test_all_other_rooms_import_without(missing: str, rooms_that_need_it: tuple[str, ...]) -> None:
     script = f"""
 import importlib, pkgutil, sys
-sys.modules["rclpy"] = None
+sys.modules["{missing}"] = None
 import {PACKAGE}
-for module in pkgutil.walk_packages({PACKAGE}.__path__, "{PACKAGE}."):
-    if module.name not in ("{PACKAGE}.node", "{PACKAGE}.parameters"):
+for module in pkgutil.walk_packages({PACKAGE}.__path__, "{PACKAGE}.", onerror=lambda name: None):
+    if module.name.split(".")[1] not in {rooms_that_need_it} and not module.name.endswith(".__main__"):
         importlib.import_module(module.name)
 """
     done = subprocess.run(

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from radcam_depth_ros import configuration, simulation
+from radcam_depth_ros import configuration
 from radcam_depth_ros.cli.options import progress_bar
+from radcam_depth_ros.frame import RadcamDepthError
 
 
 def simulate(
@@ -24,6 +25,13 @@ def simulate(
 
     Example: radcam-depth simulate out/drive --seed 7 --frames 20
     """
+    try:
+        from radcam_depth_ros import simulation  # here, so that all other verbs run without the extra `sim`
+    except ModuleNotFoundError as error:
+        raise RadcamDepthError(
+            f"the simulator needs the package {error.name}, which is not installed; install it with "
+            f"`pip install {error.name}`"
+        ) from error
     settings = (
         simulation.SimulationConfig() if config is None else configuration.load(simulation.SimulationConfig, config)
     )

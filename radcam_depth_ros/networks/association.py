@@ -22,6 +22,10 @@ CELL_PX = 32
 FEW = -3.0
 """Logit that training starts from: few pixels belong to a return."""
 
+SUPERVISED = 64
+"""Returns of a sample whose association is trained, the first ones: their order is random in training, and the logits
+of all would cost more than the rest of the network. All of them take part in the semi-dense depth."""
+
 OUTSIDE = -1.0e4
 """Logit of a pixel outside of a return's region: its probability is 0, and still a number in bfloat16."""
 
@@ -75,8 +79,9 @@ class PointEncoder(nn.Module):
 class EmbeddingAssociation(nn.Module):
     """Association by embedding, at half of the image's size.
 
-    The vectors have a learned part and a part that carries the column: harmonics of the distance between the pixel's
-    and the return's column, written as products of one function of the pixel and one of the return.
+    Deviation: b_n falls with the distance from the return's column and from its row, by learned amplitudes of four
+    reaches each. Where a pixel lies is known, and need not be learned as part of its vector; a radar without height
+    simply gets a flat course along the rows.
 
     Args:
         in_channels: Planes of the image input.
@@ -86,7 +91,7 @@ class EmbeddingAssociation(nn.Module):
     """
 
     stride: Final[int] = 2
-    harmonics: Final[int] = 4
+    reaches: Final[int] = 4
     # The returns are gone through in this many parts, so that N x H x W values are never held at once.
     parts: Final[int] = 8
     outside: Final[float] = OUTSIDE
@@ -102,7 +107,8 @@ class EmbeddingAssociation(nn.Module):
         self.up_1_4 = UpBlock(96, 64, 48)
         self.up_1_2 = UpBlock(48, 32, 32)
         self.pixel_head = nn.Conv2d(32, dims, 1)
-        self.point_head = nn.Linear(128, dims + self.harmonics + 1)
+        self.point_head = nn.Linear(128, dims + 2 * self.reaches + 1)
+        self.register_buffer("reach_px", torch.tensor([8.0, 24.0, 72.0, 216.0]), persistent=False)
         nn.init.zeros_(self.point_head.bias)
         nn.init.constant_(self.point_head.bias[-1], FEW)
 
@@ -116,7 +122,7 @@ class EmbeddingAssociation(nn.Module):
         return result
 
     def point_vectors(self, radar: Tensor, image_height: int) -> Tensor:
-        """(B, N, 6) to (B, N, dims + harmonics + 1): g, the amplitudes of the harmonics, b."""
+        """(B, N, 6) to (B, N, dims + 2 reaches + 1): g, the amplitudes of columns and of rows, b."""
         vectors: Tensor = self.point_head(self.points(radar, image_height))
         return vectors
 
@@ -124,17 +130,25 @@ class EmbeddingAssociation(nn.Module):
         """F (B, D, h, w) and returns' vectors to logits (B, N, h, w), `OUTSIDE` where a return cannot be."""
         batch, _, height, width = pixels.shape
         learned = vectors[:, :, : self.dims].to(pixels.dtype)
-        amplitudes = vectors[:, :, self.dims : self.dims + self.harmonics].float()
-        column = (torch.arange(width, device=pixels.device, dtype=torch.float32) + 0.5) * self.stride - 0.5
-        offset = column.reshape(1, 1, -1) - radar[:, :, 0:1].float()
-        row = vectors[:, :, -1:].float().expand(-1, -1, width)
-        for harmonic in range(self.harmonics):
-            phase = offset * (math.pi * (harmonic + 1) / self.region_width_px)
-            row = row + amplitudes[:, :, harmonic : harmonic + 1] * torch.cos(phase)
-        inside = (offset.abs() <= 0.5 * self.region_width_px) & valid.unsqueeze(2)
-        row = torch.where(inside, row, torch.full_like(row, self.outside))
+        first, last = self.dims, self.dims + self.reaches
+        by_column, distance = self._course(vectors[:, :, first:last], radar[:, :, 0:1], width)
+        inside = (distance <= 0.5 * self.region_width_px) & valid.unsqueeze(2)
+        by_column = torch.where(
+            inside, by_column + vectors[:, :, -1:].float(), torch.full_like(by_column, self.outside)
+        )
+        by_row, _ = self._course(vectors[:, :, self.dims + self.reaches : -1], radar[:, :, 1:2], height)
         products = torch.bmm(learned, pixels.reshape(batch, self.dims, height * width))
-        return products.reshape(batch, radar.shape[1], height, width) + row.to(products.dtype).unsqueeze(2)
+        products = products.reshape(batch, radar.shape[1], height, width)
+        return products + by_column.to(products.dtype).unsqueeze(2) + by_row.to(products.dtype).unsqueeze(3)
+
+    def _course(self, amplitudes: Tensor, centre: Tensor, size: int) -> tuple[Tensor, Tensor]:
+        """How b_n falls along an axis of `size` pixel vectors, (B, N, size), and the distance in pixels."""
+        place = (torch.arange(size, device=centre.device, dtype=torch.float32) + 0.5) * self.stride - 0.5
+        distance = (place.reshape(1, 1, -1) - centre.float()).abs()
+        course = torch.zeros_like(distance)
+        for index in range(self.reaches):
+            course = course + amplitudes[:, :, index : index + 1].float() * torch.exp(-distance / self.reach_px[index])
+        return course, distance
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
         """Finds each pixel's return.
@@ -148,10 +162,14 @@ class EmbeddingAssociation(nn.Module):
             The greatest logit (B, 1, H / 2, W / 2) over the returns, and the depth of its return.
         """
         pixels = self.pixel_vectors(image)
+        return self.strongest(pixels, self.point_vectors(radar, image.shape[2]), radar, valid)
+
+    def strongest(self, pixels: Tensor, vectors: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+        """The greatest logit of each pixel, and its return's depth; arguments as of `logits`, N may be 0."""
         batch, _, height, width = pixels.shape
         # Two padding rows a part: no part is empty, whatever N is, nor of one row, which torch.export takes for fixed.
+        vectors = functional.pad(vectors, (0, 0, 0, 2 * self.parts))
         radar, valid = _pad(radar, valid, 2 * self.parts)
-        vectors = self.point_vectors(radar, image.shape[2])
         best = torch.full((batch, 1, height, width), self.outside, device=pixels.device, dtype=pixels.dtype)
         depth = torch.zeros_like(best, dtype=torch.float32)
         for part in range(self.parts):
@@ -161,16 +179,17 @@ class EmbeddingAssociation(nn.Module):
         return best, depth
 
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Association, Tensor, Tensor]:
-        """As `forward`, with all logits: (association, greatest logit, depth of its return)."""
+        """As `forward`, with the logits of the first `SUPERVISED` returns: (association, greatest logit, its depth)."""
         pixels = self.pixel_vectors(image)
-        radar, valid = _pad(radar, valid, 1)
-        logits = self.logits(pixels, self.point_vectors(radar, image.shape[2]), radar, valid)
-        best, depth = _strongest(logits.detach(), radar[:, :, 2])
+        vectors = self.point_vectors(radar, image.shape[2])
+        with torch.no_grad():
+            best, depth = self.strongest(pixels, vectors, radar, valid)
+        vectors, radar, valid = vectors[:, :SUPERVISED], radar[:, :SUPERVISED], valid[:, :SUPERVISED]
         column = torch.arange(pixels.shape[3], device=pixels.device).reshape(1, 1, -1)
         centre = (column + 0.5) * self.stride - 0.5
         inside = ((centre - radar[:, :, 0:1]).abs() <= 0.5 * self.region_width_px) & valid.unsqueeze(2)
-        columns = torch.where(inside, column, -1)
-        return Association(logits[:, :-1], columns[:, :-1], self.stride), best, depth
+        logits = self.logits(pixels, vectors, radar, valid)
+        return Association(logits, torch.where(inside, column, -1), self.stride), best, depth
 
 
 class RegionAssociation(nn.Module):

@@ -17,7 +17,9 @@ from radcam_depth_ros.networks.blocks import (
     ResidualEncoder,
     depth_to_plane,
     double,
+    draw_nearest,
     ground_planes,
+    nearest_returns,
     plane_to_depth,
 )
 from radcam_depth_ros.networks.interface import Depths, Network, TrainOutputs
@@ -42,6 +44,9 @@ class BaffConfig:
         position_attention: PA.
         position_pool: How far keys and values are pooled at 1/2, 1/4, 1/8, 1/16; 1 is exact.
         ground_prior: Take the flat road's depth as input planes.
+        geometric_anchor: Take depth from geometry alone as input planes, and give depth relative to it: the flat road,
+            or the return that is nearest in the image where that is closer.
+        drawn_returns: Give stage 2 the returns as they are drawn into the image, besides the semi-dense depth.
         min_depth_m: Nearest depth that the network gives.
         max_depth_m: Farthest depth that the network gives.
         focal_length_px: The focal length that it is trained at.
@@ -57,6 +62,8 @@ class BaffConfig:
     position_attention: bool = True
     position_pool: tuple[int, int, int, int] = (16, 8, 4, 1)
     ground_prior: bool = True
+    drawn_returns: bool = True
+    geometric_anchor: bool = True
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
     focal_length_px: float = 630.0
@@ -116,7 +123,8 @@ class FusionNetwork(nn.Module):
         channels = FUSION_CHANNELS
         self.bidirectional = config.bidirectional
         self.image_encoder = ResidualEncoder(image_planes, channels)
-        self.depth_encoder = ResidualEncoder(2, channels)
+        # Deviation: the paper's depth branch sees the semi-dense depth alone. A return that won no pixel is lost to it.
+        self.depth_encoder = ResidualEncoder(4 if config.drawn_returns else 2, channels)
         self.gates = nn.ModuleList([Gate(width) for width in channels])
         # Coarsest first: TorchScript cannot walk a list of modules backwards.
         self.top_down = nn.ModuleList([ConvBlock(channels[i + 1], channels[i]) for i in (3, 2, 1, 0)])
@@ -136,7 +144,7 @@ class FusionNetwork(nn.Module):
         self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), nn.Conv2d(channels[0], 2, 3, padding=1))
 
     def forward(self, image: Tensor, depth: Tensor) -> Tensor:
-        """Image planes and the semi-dense depth's two planes to (B, 2, H, W): depth and confidence, before sigmoids."""
+        """Image planes and depth planes to (B, 2, H, W): depth and confidence, before their sigmoids."""
         fused: list[Tensor] = []
         image_maps = self.image_encoder(image)
         depth_maps = self.depth_encoder(depth)
@@ -187,7 +195,9 @@ class Baff(Network):
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
         self.ground_prior = config.ground_prior
-        planes = 5 if config.ground_prior else 3
+        self.drawn_returns = config.drawn_returns
+        self.geometric_anchor = config.geometric_anchor
+        planes = 3 + (2 if config.ground_prior else 0) + (2 if config.geometric_anchor else 0)
         points = PointEncoder(config.focal_length_px, config.min_depth_m, config.max_depth_m)
         if config.association == "embedding":
             self.association: EmbeddingAssociation | RegionAssociation = EmbeddingAssociation(
@@ -198,9 +208,9 @@ class Baff(Network):
         self.fusion = FusionNetwork(planes, config)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        planes = self._image_planes(image, ground)
+        planes = self._image_planes(image, radar, valid, ground)
         best, depth = self.association(planes, radar, valid)
-        return self._fuse(planes, best, depth)[0]
+        return self._fuse(planes, best, depth, radar, valid)[0]
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
@@ -209,29 +219,53 @@ class Baff(Network):
         Both stages learn at once: stage 2 takes stage 1's depth as it stands, and its choice of the strongest return
         passes no gradient back, so that the stages' losses stay separate, as in the paper.
         """
-        planes = self._image_planes(image, ground)
+        planes = self._image_planes(image, radar, valid, ground)
         association, best, depth = self.association.train_outputs(planes, radar, valid)
-        depths, confidence_logit = self._fuse(planes, best, depth)
+        depths, confidence_logit = self._fuse(planes, best, depth, radar, valid)
         return TrainOutputs(depths, association, confidence_logit)
 
-    def _image_planes(self, image: Tensor, ground: Tensor) -> Tensor:
-        planes = image * 2.0 - 1.0
+    def _image_planes(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Tensor:
+        height, width = image.shape[2], image.shape[3]
+        planes = [image * 2.0 - 1.0]
+        road = ground_planes(ground, height, width, self.min_depth_m, self.max_depth_m)
         if self.ground_prior:
-            road = ground_planes(ground, image.shape[2], image.shape[3], self.min_depth_m, self.max_depth_m)
-            planes = torch.cat([planes, road.to(image.dtype)], dim=1)
-        return planes
+            planes.append(road.to(image.dtype))
+        if self.geometric_anchor:
+            depth, distance = nearest_returns(radar, valid, height, width)
+            # Near returns say much, far ones little; 0 where there is none at all.
+            closeness = torch.exp(-distance / 40.0)
+            returns = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
+            returns = torch.where(distance < 1.0e6, returns, torch.ones_like(returns))
+            both = functional.interpolate(torch.cat([returns, closeness], dim=1), size=(height, width), mode="bilinear")
+            # An unknown road is 0 in both of its planes.
+            flat = torch.where(road[:, 1:] > 0, road[:, :1], torch.ones_like(road[:, :1]))
+            planes.append(torch.minimum(flat, both[:, :1]).to(image.dtype))
+            planes.append(both[:, 1:].to(image.dtype))
+        return torch.cat(planes, dim=1)
 
-    def _fuse(self, planes: Tensor, best: Tensor, depth: Tensor) -> tuple[Depths, Tensor]:
+    def _fuse(self, planes: Tensor, best: Tensor, depth: Tensor, radar: Tensor, valid: Tensor) -> tuple[Depths, Tensor]:
         covered = torch.sigmoid(best.float()) > self.threshold
         semi_dense = torch.where(covered, depth, torch.full_like(depth, float("nan")))
         plane = torch.where(covered, depth_to_plane(depth, self.min_depth_m, self.max_depth_m), 0.0)
         size = (planes.shape[2], planes.shape[3])
         # The probability, not whether it passes tau: a plane that is 0 everywhere, as that would be before stage 1 has
         # learned anything, has no variance, and each batch norm on its way multiplies the gradient by 300.
-        drawn = torch.cat([plane, torch.sigmoid(best.detach().float())], dim=1).to(planes.dtype)
-        drawn = functional.interpolate(drawn, size=size, mode="nearest")
-        raw = self.fusion(planes, drawn).float()
-        dense = plane_to_depth(torch.sigmoid(raw[:, :1]), self.min_depth_m, self.max_depth_m)
+        # The probability, not whether it passes tau: a plane that is 0 everywhere, as that would be before stage 1 has
+        # learned anything, has no variance, and each batch norm on its way multiplies the gradient by 300.
+        known = torch.cat([plane, torch.sigmoid(best.detach().float())], dim=1)
+        known = functional.interpolate(known, size=size, mode="nearest")
+        if self.drawn_returns:
+            nearest = draw_nearest(radar, valid, size[0], size[1])
+            hit = nearest > 0
+            returns = torch.where(hit, depth_to_plane(nearest, self.min_depth_m, self.max_depth_m), 0.0)
+            known = torch.cat([known, returns, hit.float()], dim=1)
+        raw = self.fusion(planes, known.to(planes.dtype)).float()
+        logit = raw[:, :1]
+        if self.geometric_anchor:
+            # Deviation: the head gives the difference from geometry alone, so that a plain road, or a wall full of
+            # returns, need not be learned. Clipped, since far depths from geometry say little.
+            logit = logit + torch.logit(planes[:, -2:-1].float().clamp(0.05, 0.9))
+        dense = plane_to_depth(torch.sigmoid(logit), self.min_depth_m, self.max_depth_m)
         confidence_logit = raw[:, 1:]
         semi_dense = functional.interpolate(semi_dense, size=size, mode="nearest")
         return Depths(dense, semi_dense, torch.sigmoid(confidence_logit)), confidence_logit

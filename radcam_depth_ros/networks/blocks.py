@@ -125,3 +125,53 @@ def ground_planes(ground: Tensor, height: int, width: int, min_depth_m: float, m
     inverse = (inverse + c.reshape(-1, 1, 1)).clamp(1.0 / max_depth_m, 1.0 / min_depth_m)
     plane = depth_to_plane(1.0 / inverse, min_depth_m, max_depth_m)
     return torch.stack([plane * known, torch.ones_like(plane) * known], dim=1)
+
+
+def draw_nearest(radar: Tensor, valid: Tensor, height: int, width: int) -> Tensor:
+    """Draws returns as a depth image: each at its pixel, the nearest where several meet, 0 where there is none.
+
+    Args:
+        radar: (B, N, 6), columns as `RADAR_COLUMNS`; N may be 0.
+        valid: (B, N) bool.
+        height: Rows.
+        width: Columns.
+
+    Returns:
+        (B, 1, height, width) float32 metres.
+    """
+    column, row, depth = torch.round(radar[:, :, 0]), torch.round(radar[:, :, 1]), radar[:, :, 2].float()
+    inside = valid & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    place = torch.where(inside, row * width + column, torch.zeros_like(row)).long()
+    far = torch.full((radar.shape[0], height * width), 1.0e9, device=radar.device)
+    drawn = far.scatter_reduce(1, place, torch.where(inside, depth, torch.full_like(depth, 1.0e9)), "amin")
+    return torch.where(drawn < 1.0e9, drawn, torch.zeros_like(drawn)).reshape(-1, 1, height, width)
+
+
+def nearest_returns(radar: Tensor, valid: Tensor, height: int, width: int) -> tuple[Tensor, Tensor]:
+    """The return nearest in the image to each cell of 8 x 8 pixels.
+
+    Args:
+        radar: (B, N, 6), columns as `RADAR_COLUMNS`; N may be 0.
+        valid: (B, N) bool.
+        height: Rows of the image, a multiple of 8.
+        width: Columns of the image, a multiple of 8.
+
+    Returns:
+        Depth of that return and distance to it in pixels, both (B, 1, height / 8, width / 8); 0 and 1e9 for no return.
+    """
+    # In eight parts with two padding rows each, for the reasons given in `EmbeddingAssociation.strongest`.
+    radar = functional.pad(radar.float(), (0, 0, 0, 16))
+    valid = functional.pad(valid, (0, 16), value=False)
+    column = (torch.arange(width // 8, device=radar.device) * 8.0 + 3.5).reshape(1, 1, 1, -1)
+    row = (torch.arange(height // 8, device=radar.device) * 8.0 + 3.5).reshape(1, 1, -1, 1)
+    depth = torch.zeros(radar.shape[0], 1, height // 8, width // 8, device=radar.device)
+    best = torch.full_like(depth, 1.0e18)
+    for part in range(8):
+        returns = radar[:, part::8].unsqueeze(3).unsqueeze(4)
+        squared = (column - returns[:, :, 0]).square() + (row - returns[:, :, 1]).square()
+        missing = ~valid[:, part::8].unsqueeze(2).unsqueeze(3)
+        squared, index = squared.masked_fill(missing, 1.0e18).min(dim=1, keepdim=True)
+        chosen = torch.gather(radar[:, part::8, 2], 1, index.flatten(1)).reshape(index.shape)
+        depth = torch.where(squared < best, chosen, depth)
+        best = torch.minimum(squared, best)
+    return depth, best.sqrt()

@@ -36,8 +36,8 @@ class Depths(NamedTuple):
 class Association(NamedTuple):
     """Which pixels belong to which radar return, as training needs it.
 
-    logits: (B, N, h, w), of the probability that a pixel belongs to a return.
-    columns: (B, N, w) int64, the column of each logit in the image divided by `stride`; -1 outside of the image, of the
+    logits: (B, n, h, w), of the probability that a pixel belongs to a return, of the first n <= N returns.
+    columns: (B, n, w) int64, the column of each logit in the image divided by `stride`; -1 outside of the image, of the
         return's region of interest, or for padding.
     stride: pixels a logit, so h = H / stride.
     """

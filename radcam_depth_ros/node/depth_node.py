@@ -125,10 +125,10 @@ class RadcamDepthNode(LifecycleNode):
         self._free()
         return super().on_error(state)
 
-    def close(self, timeout_s: float) -> bool:
-        """Stops everything at the end of the process; False when the network was still busy after `timeout_s`."""
+    def close(self, timeout_s: float) -> None:
+        """Stops everything; a network that is busy for longer than `timeout_s` is left to itself."""
         self._tick.cancel()
-        return self._end_session(timeout_s)
+        self._end_session(timeout_s)
 
     def report_defect(self, error: Exception) -> None:
         """Says what came out of a callback that is not this node's own."""
@@ -144,12 +144,10 @@ class RadcamDepthNode(LifecycleNode):
             raise RadcamDepthError("the node is not configured; configure it first")
         return Pipeline(self._config.pipeline, self._estimator, build_message)
 
-    def _end_session(self, timeout_s: float) -> bool:
+    def _end_session(self, timeout_s: float) -> None:
         session, self._session = self._session, None
-        if session is None or session.close(timeout_s):
-            return True
-        self._log(Level.WARN, f"the network is still busy after {timeout_s:g} s; it is left to itself")
-        return False
+        if session is not None and not session.close(timeout_s):
+            self._log(Level.WARN, f"the network is still busy after {timeout_s:g} s; it is left to itself")
 
     def _free(self) -> None:
         self._end_session(CLOSE_S)

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -27,7 +27,6 @@ class _Life(threading.Thread):
         self._args = args
         self._stop_asked = stop
         self.error: BaseException | None = None
-        self.is_clean = False
 
     def run(self) -> None:
         try:
@@ -53,7 +52,7 @@ class _Life(threading.Thread):
             while not self._stop_asked.is_set():
                 _spin_once(executor, node)
         finally:
-            self.is_clean = node.close(timeout_s=GRACE_S / 2)
+            node.close(timeout_s=GRACE_S / 2)
             executor.remove_node(node)
             node.destroy_node()
 
@@ -65,14 +64,11 @@ def _spin_once(executor: SingleThreadedExecutor, node: RadcamDepthNode) -> None:
         node.report_defect(error)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Runs the node until SIGINT or SIGTERM.
+def main(args: list[str] | None = None) -> NoReturn:
+    """Runs the node until SIGINT or SIGTERM, then ends the process: with 0, or 2 when the node could not start.
 
     Args:
         args: The command line; the process's own by default.
-
-    Returns:
-        The exit code: 0, or 2 when the node could not start.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -84,11 +80,8 @@ def main(args: list[str] | None = None) -> int:
     if life.error is not None:
         reason = " ".join(str(life.error).split())
         print(f"radcam_depth_node: {reason or type(life.error).__name__}", file=sys.stderr)
-    exit_code = 0 if life.error is None else 2
-    if life.is_alive() or not life.is_clean:
-        # A network that is loading or in the middle of an image can't be interrupted, and taking Python down around it
-        # can crash.
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(exit_code)
-    return exit_code
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Not sys.exit: a network that is loading or in the middle of an image can't be interrupted, and Python going down
+    # around it can crash. It would also take seconds to unload torch on a busy machine, with nothing left to be done.
+    os._exit(0 if life.error is None else 2)

@@ -59,6 +59,7 @@ class WorldConfig:
         parked: Parked vehicles, likewise.
         people: People on foot and on bicycles, likewise.
         speed: Speed of the ego vehicle and of traffic, as a multiple of what the kind of street has; 0 stands still.
+        max_slope: The steepest that hills may be, metres of rise a metre; 0 keeps the road flat.
         view_m: How far ahead the street is built, metres.
     """
 
@@ -69,12 +70,14 @@ class WorldConfig:
     parked: float = 1.0
     people: float = 1.0
     speed: float = 1.0
+    max_slope: float = 0.05
     view_m: float = 400.0
 
     def __post_init__(self) -> None:
         for name in ("traffic", "parked", "people", "speed"):
             value = getattr(self, name)
             _require(0 <= value <= 4, f"world.{name} is a multiple between 0 and 4, got {value}")
+        _require(0 <= self.max_slope <= 0.2, f"world.max_slope must be 0 to 0.2, got {self.max_slope}")
         _require(100 <= self.view_m <= 1500, f"world.view_m must be 100 to 1500 m, got {self.view_m}")
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.simulation.path import DoubleArray, Path
+from radcam_depth_ros.simulation.relief import Relief
 from radcam_depth_ros.simulation.style import StreetStyle
 
 _DERIVATIVE_S = 1e-3
@@ -37,8 +38,8 @@ class Motion:
 class EgoDrive:
     """The own vehicle's drive: speed that swells and falls, a little wandering in the lane, a little pitch and roll."""
 
-    def __init__(self, rng: np.random.Generator, style: StreetStyle, path: Path) -> None:
-        self._path = path
+    def __init__(self, rng: np.random.Generator, style: StreetStyle, path: Path, relief: Relief) -> None:
+        self._path, self._relief = path, relief
         self._speed = style.speed_mps
         self._swell = float(rng.uniform(0.0, 0.7))
         self._period = float(rng.uniform(18, 60))
@@ -70,10 +71,12 @@ class EgoDrive:
             * np.cos(2 * np.pi * time / self._waves[:2] + self._phases[:2])
         )
         yaw = float(self._path.heading(s)) + float(slopes.sum()) * speed_share / max(self._speed, 5.0)
-        return RigidTransform(
-            _rotation(yaw, float(waves[2]) * speed_share, float(waves[3]) * speed_share),
-            np.array([float(x), float(y), 0.0]),
-        )
+        uphill = self._relief.slope(float(x), float(y))
+        ahead, left = uphill @ [np.cos(yaw), np.sin(yaw)], uphill @ [-np.sin(yaw), np.cos(yaw)]
+        pitch = float(waves[2]) * speed_share - float(np.arctan(ahead))
+        roll = float(waves[3]) * speed_share + float(np.arctan(left))
+        place = np.array([float(x), float(y), float(self._relief.height(float(x), float(y)))])
+        return RigidTransform(_rotation(yaw, pitch, roll), place)
 
     def motion(self, time: float) -> Motion:
         """Pose and velocities at a time, seconds."""

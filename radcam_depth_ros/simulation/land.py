@@ -132,9 +132,7 @@ def _field(stretch: Stretch, sign: int) -> None:
     if rng.random() < 0.3:
         _bushes(stretch, sign, 14, 2.0, 4.0)
     if rng.random() < 0.12:
-        stretch.place(
-            furniture.pylon(), stretch.start_m + 20, sign * (edge + float(rng.uniform(30, 80))), -0.3, np.pi / 2 * 0
-        )
+        stretch.place(furniture.pylon(), stretch.start_m + 20, sign * (edge + float(rng.uniform(30, 80))), -0.3)
     _tree_line(stretch, sign)
 
 

@@ -141,8 +141,8 @@ def _broadleaf(rng: np.random.Generator, colour: tuple[float, float, float]) -> 
     stem = tube(0.018 * height + 0.05, middle, _bark(rng), 7, 0.05)
     dark = Material(Surface.FOLIAGE, Label.VEGETATION, tuple(0.45 * c for c in colour), Texture.LEAF, 1.2)  # type: ignore[arg-type]
     core = [ball(r * 0.72, (x, y, z), dark, sections=8) for x, y, z, r in blobs]
-    near = join([stem, *core, _leaves(rng, *_on_blobs(rng, blobs, 650), 0.26, _leaf(colour))])
-    far = join([stem, *core[:4], _leaves(rng, *_on_blobs(rng, blobs, 90), 0.6, _leaf(colour))])
+    near = join([stem, *core, _leaves(rng, *_on_blobs(rng, blobs, 750), 0.22, _leaf(colour))])
+    far = join([stem, *core[:4], _leaves(rng, *_on_blobs(rng, blobs, 150), 0.42, _leaf(colour))])
     return Plant(near, far, height)
 
 
@@ -162,7 +162,7 @@ def _conifer(rng: np.random.Generator, colour: tuple[float, float, float]) -> Pl
         outward = np.column_stack([np.cos(angle), np.sin(angle), np.full(count, 0.5)])
         return _leaves(rng, centres, outward, size, _leaf(colour))
 
-    return Plant(join([stem, needles(700, 0.33)]), join([stem, needles(110, 0.8)]), height)
+    return Plant(join([stem, needles(950, 0.24)]), join([stem, needles(190, 0.5)]), height)
 
 
 def _bare(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant:

@@ -24,6 +24,8 @@ class Stream(IntEnum):
     IMAGING_RADAR = 11
     LIDAR = 12
     ODOMETRY = 13
+    RELIEF = 14
+    CLOCKS = 15
 
 
 def generator(seed: int, stream: Stream, *indices: int) -> np.random.Generator:

@@ -24,7 +24,7 @@ class Rig:
 
     Attributes:
         camera: The camera's intrinsics.
-        base_from_footprint: How the footprint, on the road, lies below `base_link`.
+        footprint_from_base: Place of `base_link` above the footprint, which is on the road.
         base_from_sensor: Mounting of each sensor's frame on `base_link`, by frame name.
     """
 

@@ -71,7 +71,7 @@ class Shader:
         self._clouds = fractal(rng, _NOISE, 1.7, 2)
         dull = max(light.sun) < 0.5
         self._lamps = float(rng.uniform(0.3, 4.0)) if dull and rng.random() < 0.7 else float(rng.uniform(0, 0.3))
-        self._blotches = float(rng.uniform(0.05, 0.35))
+        self._blotches = float(rng.uniform(0.02, 0.25))
         self._tilt = rng.normal(0, 0.12, 3).astype(np.float32)
         self._skyline = float(rng.uniform(0.1, 0.5))
 

@@ -195,7 +195,7 @@ def _median(stretch: Stretch, half: float) -> None:
         stone = Material(Surface.PAVING, Label.TERRAIN, _grey(0.3, rng))
         stretch.strip(sign * inner, sign * (inner + 0.03), (style.kerb_m, 0.0), stone)
     if style.kind is StreetKind.HIGHWAY:
-        if int(stretch.path.heading(0.0) * 0 + style.lanes) % 2:
+        if style.lanes % 2:
             stretch.place(furniture.concrete_barrier(STRETCH_M), stretch.start_m, 0.0, style.kerb_m)
         else:
             rail = furniture.guard_rail(STRETCH_M)

@@ -58,7 +58,6 @@ class TextureAtlas:
                 row, column = divmod(index, self._columns)
                 x, y = int(self._left[level]) + column * pitch, row * pitch
                 self._atlas[y : y + pitch, x : x + pitch] = np.clip(padded * 255 + 0.5, 0, 255)
-        self.mean_colour = np.stack([tile[..., :3].mean(axis=(0, 1)) for tile in tiles]).astype(np.float32)
 
     def sample(
         self, texture: npt.NDArray[np.uint8], uv: FloatArray, tiles_per_pixel: npt.NDArray[np.floating]
@@ -136,7 +135,7 @@ def _mottled(
 
 
 def _asphalt(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    grain = rng.uniform(0.08, 0.22) * fractal(rng, TILE, 0.25, 8)
+    grain = rng.uniform(0.03, 0.15) * fractal(rng, TILE, 0.25, 8)
     blotch = rng.uniform(0.03, 0.12) * fractal(rng, TILE, 1.6)
     return _grey(0.7 * (1 + grain + blotch))
 

@@ -41,7 +41,7 @@ class Event:
 
 def draw_timetable(seed: int, config: SimulationConfig, frames: int) -> tuple[Event, ...]:
     """All measurements of a drive in the order of their times; each sensor keeps its own clock, out of phase."""
-    rng = generator(seed, Stream.ODOMETRY, 1)
+    rng = generator(seed, Stream.CLOCKS)
     images = LEAD_S + np.arange(frames) / config.camera.rate_hz
     events = [Event(float(time), Sensor.CAMERA, index) for index, time in enumerate(images)]
     for sensor, rate_hz, enabled in (

@@ -13,6 +13,7 @@ from radcam_depth_ros.simulation.library import Library
 from radcam_depth_ros.simulation.mesh import Mesh
 from radcam_depth_ros.simulation.path import DoubleArray, Path
 from radcam_depth_ros.simulation.people import STEP_M
+from radcam_depth_ros.simulation.relief import Relief
 from radcam_depth_ros.simulation.style import StreetStyle
 
 BEHIND_M = 70.0
@@ -55,12 +56,15 @@ class Traffic:
         config: WorldConfig,
         style: StreetStyle,
         path: Path,
+        relief: Relief,
         library: Library,
         ego: EgoDrive,
         duration_s: float,
     ) -> None:
-        self._path, self._ego, self._library, self._style = path, ego, library, style
+        self._path, self._relief = path, relief
+        self._ego, self._library, self._style = ego, library, style
         self._duration_s = duration_s
+        self._breath = (float(rng.uniform(0, 0.35)), float(rng.uniform(14, 45)), float(rng.uniform(0, 6.28)))
         self._movers: list[Mover] = []
         if config.traffic > 0:
             for lane in range(-style.oncoming_lanes, style.lanes):
@@ -80,7 +84,9 @@ class Traffic:
             step = np.diff(self._path.position(around, mover.t), axis=0)[0] / (2 * _DERIVATIVE_S)
             pose = mover.poses[int(s / mover.cycle_m * len(mover.poses)) % len(mover.poses)]
             yaw = float(self._path.heading(s)) + (np.pi if mover.backwards else 0.0)
-            yield pose.moved((float(x), float(y), mover.height_m), yaw), np.array([step[0], step[1], 0.0])
+            climb = float(self._relief.slope(float(x), float(y)) @ step)
+            mesh = self._relief.lifted(pose.moved((float(x), float(y), mover.height_m), yaw))
+            yield mesh, np.array([step[0], step[1], climb])
 
     def _fill_lane(self, rng: np.random.Generator, lane: int, headway_m: float) -> None:
         style = self._style
@@ -106,7 +112,7 @@ class Traffic:
                 Mover(
                     poses=(vehicle.mesh,),
                     cycle_m=1.0,
-                    s=self._following(rng, place) if own else _steady(place, speed),
+                    s=self._following(place) if own else _steady(place, speed),
                     t=style.lane_centre_m(lane) + float(rng.normal(0, 0.15)),
                     height_m=0.0,
                     backwards=oncoming,
@@ -120,10 +126,8 @@ class Traffic:
         relative = self._ego.s(times) - speed * times
         return float(relative.min()) - BEHIND_M, float(relative.max()) + AHEAD_M
 
-    def _following(self, rng: np.random.Generator, gap: float) -> Callable[[float], float]:
+    def _following(self, gap: float) -> Callable[[float], float]:
         # Gaps in the own lane stretch and shrink together, so that nobody runs into anybody.
-        if not hasattr(self, "_breath"):
-            self._breath = (float(rng.uniform(0, 0.35)), float(rng.uniform(14, 45)), float(rng.uniform(0, 6.28)))
         depth, period, phase = self._breath
         ego = self._ego
 

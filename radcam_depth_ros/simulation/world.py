@@ -10,9 +10,10 @@ from radcam_depth_ros.simulation.land import settle
 from radcam_depth_ros.simulation.library import build_library
 from radcam_depth_ros.simulation.light import draw_light
 from radcam_depth_ros.simulation.markings import paint_markings
-from radcam_depth_ros.simulation.mesh import Mesh, join, quads, sheet
+from radcam_depth_ros.simulation.mesh import Mesh, join, sheet
 from radcam_depth_ros.simulation.path import Path
 from radcam_depth_ros.simulation.randomness import Stream, generator
+from radcam_depth_ros.simulation.relief import Relief
 from radcam_depth_ros.simulation.roadside import furnish
 from radcam_depth_ros.simulation.scene import Scene
 from radcam_depth_ros.simulation.street import STRETCH_M, Stretch, finished, lay_ground
@@ -45,9 +46,17 @@ class World:
         self.path = Path(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m)
         self.atlas = TextureAtlas(generator(seed, Stream.TEXTURES))
         self._library = build_library(generator(seed, Stream.PROTOTYPES), self.style)
-        self.ego = EgoDrive(generator(seed, Stream.EGO), self.style, self.path)
+        self.relief = Relief(generator(seed, Stream.RELIEF), config.max_slope)
+        self.ego = EgoDrive(generator(seed, Stream.EGO), self.style, self.path, self.relief)
         self._traffic = Traffic(
-            generator(seed, Stream.TRAFFIC), config, self.style, self.path, self._library, self.ego, duration_s
+            generator(seed, Stream.TRAFFIC),
+            config,
+            self.style,
+            self.path,
+            self.relief,
+            self._library,
+            self.ego,
+            duration_s,
         )
         self._stretches: dict[int, Mesh] = {}
         self._window: tuple[int, Scene] | None = None
@@ -84,7 +93,7 @@ class World:
         furnish(stretch)
         for sign in (1, -1):
             settle(stretch, sign, self._land(index, sign))
-        return finished(stretch)
+        return self.relief.lifted(finished(stretch))
 
     def _land(self, index: int, sign: int) -> Land:
         # Land goes on over several stretches: each group of three draws once, some stretches differ.
@@ -104,18 +113,10 @@ class World:
             Texture.SOIL,
             40.0,
         )
-        half = 4000.0
-        floor = quads(
-            [
-                [
-                    (x - half, y - half, -0.7),
-                    (x + half, y - half, -0.7),
-                    (x + half, y + half, -0.7),
-                    (x - half, y + half, -0.7),
-                ]
-            ],
-            plain,
-        )
+        # Fine enough to follow the relief where it can be seen, a little below it so that it never comes through.
+        place = np.concatenate([[-4000.0, -1500.0], np.linspace(-750, 750, 31), [1500.0, 4000.0]])
+        east, north = np.meshgrid(x + place, y + place, indexing="ij")
+        floor = sheet(np.stack([east, north, self.relief.height(east, north) - 0.7], axis=-1), plain)
         angle = np.linspace(0, 2 * np.pi, 181)
         radius = float(rng.uniform(700, 2500))
         height = radius * float(rng.uniform(0.005, 0.05))

@@ -57,7 +57,7 @@ class RadarAugmentationConfig:
     speed_unknown: float = 0.15
     age_unknown: float = 0.15
     min_points: int = 24
-    max_points: int = 192
+    max_points: int = 1024
 
     def __post_init__(self) -> None:
         if not 1 <= self.min_points <= self.max_points:
@@ -78,9 +78,9 @@ class GroundAugmentationConfig:
     """
 
     unknown: float = 0.15
-    height_share: float = 0.08
-    pitch_deg: float = 1.2
-    roll_deg: float = 0.6
+    height_share: float = 0.05
+    pitch_deg: float = 0.6
+    roll_deg: float = 0.4
 
 
 @dataclass(frozen=True)
@@ -192,9 +192,9 @@ def perturb_radar(
         radar = np.concatenate([radar, invented])
         source = np.concatenate([source, rng.choice(radars, len(invented)) if len(radars) else np.zeros(len(invented))])
     limit = int(np.exp(rng.uniform(np.log(config.min_points), np.log(config.max_points + 1))))
-    if len(radar) > limit:
-        drawn = rng.choice(len(radar), limit, replace=False)
-        radar, source = radar[drawn], source[drawn]
+    # In random order, also where none is left out: association is trained on the first of them.
+    drawn = rng.choice(len(radar), min(limit, len(radar)), replace=False)
+    radar, source = radar[drawn], source[drawn]
     for column, probability in (
         (_RCS, config.rcs_unknown),
         (_SPEED, config.speed_unknown),

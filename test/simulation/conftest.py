@@ -15,7 +15,9 @@ from radcam_depth_ros.bags import BagReader
 SMALL_CAMERA = simulation.CameraConfig(width=160, height=96, min_focal_length_px=126.0, max_focal_length_px=126.0)
 """The default camera, five times smaller."""
 
-STILL = simulation.WorldConfig(street=simulation.StreetKind.TOWN, speed=0.0, traffic=0.0, people=0.0, view_m=150.0)
+STILL = simulation.WorldConfig(
+    street=simulation.StreetKind.TOWN, speed=0.0, traffic=0.0, people=0.0, max_slope=0.0, view_m=150.0
+)
 """Nothing moves, so that sensors that measure at different times see the same."""
 
 Recorder = Callable[..., Path]

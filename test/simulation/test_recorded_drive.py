@@ -25,24 +25,8 @@ TOPICS = {
     "/tf_static",
 }
 NUSCENES_FIELDS = [
-    "x",
-    "y",
-    "z",
-    "dyn_prop",
-    "id",
-    "rcs",
-    "vx",
-    "vy",
-    "vx_comp",
-    "vy_comp",
-    "is_quality_valid",
-    "ambig_state",
-    "x_rms",
-    "y_rms",
-    "invalid_state",
-    "pdh0",
-    "vx_rms",
-    "vy_rms",
+    *("x", "y", "z", "dyn_prop", "id", "rcs", "vx", "vy", "vx_comp", "vy_comp", "is_quality_valid", "ambig_state"),
+    *("x_rms", "y_rms", "invalid_state", "pdh0", "vx_rms", "vy_rms"),
 ]
 
 

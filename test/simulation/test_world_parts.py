@@ -11,6 +11,7 @@ from radcam_depth_ros.simulation.lens import Lens
 from radcam_depth_ros.simulation.mesh import Mesh, ball, box, join, prism, tube
 from radcam_depth_ros.simulation.path import Path
 from radcam_depth_ros.simulation.plants import PlantKind, build_plant
+from radcam_depth_ros.simulation.relief import Relief
 from radcam_depth_ros.simulation.rig import CAMERA, draw_rig
 from radcam_depth_ros.simulation.style import draw_style
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
@@ -90,14 +91,19 @@ def test_the_road_is_measured_in_metres(seed: int, s: float, t: float) -> None:
 def test_the_own_velocity_is_the_change_of_its_pose(seed: int, time: float) -> None:
     rng = np.random.default_rng(seed)
     style = draw_style(rng, WorldConfig())
-    ego = EgoDrive(rng, style, Path(rng, -100, 3000, style.min_radius_m))
+    relief = Relief(rng, 0.08)
+    ego = EgoDrive(rng, style, Path(rng, -100, 3000, style.min_radius_m), relief)
     step = 0.05
     moved = ego.world_from_base(time + step).translation - ego.world_from_base(time - step).translation
     motion = ego.motion(time)
     assert np.allclose(motion.velocity, moved / (2 * step), atol=0.25)
     assert np.diff(ego.s([time, time + 1.0]))[0] >= 0
     assert np.allclose(motion.velocity_at(np.zeros(3)), motion.velocity)
-    assert abs(ego.world_from_base(time).rotation[2, 2]) > 0.999
+    x, y, z = motion.world_from_base.translation
+    assert z == pytest.approx(float(relief.height(x, y)), abs=1e-6)
+    # The vehicle stands on the slope: its own plane is the ground's, but for a little pitch and roll of its body.
+    rise = np.array([*relief.slope(x, y), -1.0])
+    assert abs(motion.world_from_base.rotation[:, 2] @ rise) / np.linalg.norm(rise) > 0.9999
 
 
 def test_a_mounting_does_not_depend_on_the_image() -> None:
@@ -119,11 +125,13 @@ def test_noise_tiles_and_is_normed() -> None:
 
 def test_the_atlas_gives_the_tiles_mean_from_far_away() -> None:
     atlas = TextureAtlas(np.random.default_rng(0))
-    texture = np.repeat(np.arange(len(Texture), dtype=np.uint8), 50)
+    texture = np.repeat(np.arange(len(Texture), dtype=np.uint8), 400)
     uv = np.random.default_rng(1).uniform(-3, 3, (len(texture), 2)).astype(np.float32)
-    colour, gloss = atlas.sample(texture, uv, np.full(len(texture), 1.0, np.float32))
-    assert colour.reshape(len(Texture), 50, 3).mean(axis=1) == pytest.approx(atlas.mean_colour, abs=0.12)
-    assert colour[texture == Texture.PLAIN] == pytest.approx(1.0, abs=0.01)
+    far, gloss = atlas.sample(texture, uv, np.full(len(texture), 1.0, np.float32))
+    near, _ = atlas.sample(texture, uv, np.full(len(texture), 1e-3, np.float32))
+    means = [colour.reshape(len(Texture), -1, 3).mean(axis=1) for colour in (near, far)]
+    assert means[0] == pytest.approx(means[1], abs=0.15)
+    assert far[texture == Texture.PLAIN] == pytest.approx(1.0, abs=0.01)
     assert gloss.min() >= 0
     assert gloss.max() <= 1
 
@@ -138,7 +146,23 @@ def test_exposure_brings_any_light_into_the_picture(seed: int) -> None:
     assert 15 < picture.mean() < 250
 
 
-@pytest.mark.parametrize("street", [kind for kind in StreetKind if kind is not StreetKind.ANY])
+@settings(max_examples=25, deadline=None)
+@given(seed=SEEDS, x=st.floats(-2000, 2000), y=st.floats(-2000, 2000), steepest=st.floats(0, 0.2))
+def test_no_hill_is_steeper_than_asked(seed: int, x: float, y: float, steepest: float) -> None:
+    relief = Relief(np.random.default_rng(seed), steepest)
+    assert np.linalg.norm(relief.slope(x, y)) <= steepest + 1e-6
+    assert float(relief.height(0.0, 0.0)) == pytest.approx(0.0, abs=1e-9)
+    lifted = relief.lifted(box([1.0, 1.0, 1.0], [x, y, 0.5], PLAIN))
+    assert lifted.corners[..., 2].mean() == pytest.approx(0.5 + float(relief.height(x, y)), abs=0.01)
+
+
+def test_hills_are_common_and_flat_land_too() -> None:
+    slopes = [np.linalg.norm(Relief(np.random.default_rng(seed), 0.05).slope(50.0, 20.0)) for seed in range(60)]
+    assert 10 < np.count_nonzero(slopes) < 50
+    assert max(slopes) > 0.01
+
+
+@pytest.mark.parametrize("street", [StreetKind.RESIDENTIAL, StreetKind.HIGHWAY])
 def test_a_scene_does_not_depend_on_what_was_asked_before(street: StreetKind) -> None:
     config = WorldConfig(street=street, view_m=100.0, traffic=2.0)
     once, twice = World(7, config, 30.0), World(7, config, 30.0)

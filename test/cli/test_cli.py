@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from radcam_depth_ros import cli, networks
+from radcam_depth_ros.bags import BagReader
+from radcam_depth_ros.networks import archive
+
+VERBS = sorted(str(command.name or command.callback.__name__) for command in cli.app.registered_commands)
+
+
+def run(*arguments: Any) -> Any:
+    return CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
+
+
+def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> int:
+    """The exit code of the command as a shell would see it."""
+    monkeypatch.setattr(sys, "argv", ["radcam-depth", *(str(argument) for argument in arguments)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return int(ended.value.code or 0)
+
+
+def test_all_verbs_are_there() -> None:
+    assert {"simulate", "replay", "evaluate", "train", "export", "networks", "inspect"} <= set(VERBS)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_each_help_shows_an_example(verb: str) -> None:
+    result = run(verb, "--help")
+    assert result.exit_code == 0
+    assert f"radcam-depth {verb}" in " ".join(result.output.replace("│", " ").split())
+
+
+def test_inspect(tmp_path: Path, write_drive: Callable[..., Path]) -> None:
+    drive = write_drive(tmp_path / "drive.mcap")
+    table = run("inspect", drive)
+    assert table.exit_code == 0
+    assert "/radar/points" in table.output
+    found = json.loads(run("inspect", drive, "--json", "-").stdout)
+    roles = {row["topic"]: row["role"] for row in found["topics"]}
+    assert roles["/camera/image_raw"] == "camera"
+    assert roles["/radar/points"] == "radar"
+    assert roles["/ground_truth/depth"] == "ground truth (depth)"
+    assert found["missing"] == ""
+    lacking = json.loads(run("inspect", write_drive(tmp_path / "b", without=("/radar/points",)), "--json", "-").stdout)
+    assert "radar" in lacking["missing"]
+
+
+def test_replay_and_export(tmp_path: Path, write_drive: Callable[..., Path], small_weights: Path) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", frames=2)
+    exported = tmp_path / "baff.pt"
+    assert run("export", exported, "--model", small_weights).exit_code == 0
+    result = run("replay", drive, tmp_path / "out.mcap", "--model", exported, "--encoding", "16UC1")
+    assert result.exit_code == 0, result.output
+    with BagReader(tmp_path / "out.mcap") as reader:
+        assert reader.count(["/depth/image_rect"]) == 2
+
+
+def test_networks() -> None:
+    entries = json.loads(run("networks", "--json", "-").stdout)
+    assert [entry["name"] for entry in entries] == list(networks.names())
+    for entry in entries:
+        assert entry["parameters"] > 1e6
+        assert entry["weights"] == archive.shipped(entry["name"]).exists()
+    assert "baff" in run("networks").output
+
+
+@pytest.mark.parametrize("verb", ["replay", "inspect", "evaluate"])
+@pytest.mark.parametrize("kind", ["missing", "truncated", "empty"])
+def test_a_bag_that_cannot_be_read_is_exit_code_2_and_one_sentence(
+    tmp_path: Path,
+    write_drive: Callable[..., Path],
+    small_weights: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    verb: str,
+    kind: str,
+) -> None:
+    bag = tmp_path / "drive.mcap"
+    if kind != "missing":
+        write_drive(bag, frames=2)
+        bag.write_bytes(bag.read_bytes()[: 3000 if kind == "truncated" else 0])
+    arguments: list[Any] = [verb, bag]
+    if verb == "replay":
+        arguments += [tmp_path / "out.mcap"]
+    if verb != "inspect":
+        arguments += ["--model", small_weights]
+    assert run_main(monkeypatch, *arguments) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert told[-1].startswith("radcam-depth: ")
+    assert "Traceback" not in "".join(told)
+    assert not [path for path in tmp_path.iterdir() if path != bag]
+
+
+def test_a_bag_that_lacks_a_topic_is_exit_code_2(
+    tmp_path: Path,
+    write_drive: Callable[..., Path],
+    small_weights: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", without=("/camera/camera_info",))
+    assert run_main(monkeypatch, "replay", drive, tmp_path / "out.mcap", "--model", small_weights) == 2
+    assert "camera_info" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.mcap"]
