@@ -73,3 +73,8 @@ def _refuse_unknown_keys(cls: Any, mapping: Mapping[str, Any], source: str, pref
             raise ConfigurationError(f"{source}: unknown key {prefix}{key}; {hint}")
         if dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
             _refuse_unknown_keys(hints[key], value, source, f"{prefix}{key}.")
+        entry = next((part for part in typing.get_args(hints[key]) if dataclasses.is_dataclass(part)), None)
+        if entry is not None and isinstance(value, (list, tuple)):
+            for index, item in enumerate(value):
+                if isinstance(item, Mapping):
+                    _refuse_unknown_keys(entry, item, source, f"{prefix}{key}[{index}].")

@@ -19,6 +19,7 @@ class Inner:
 class Outer:
     name: str = "x"
     inner: Inner = field(default_factory=Inner)
+    parts: tuple[Inner, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -28,7 +29,7 @@ class Outer:
 def test_values_and_defaults() -> None:
     assert build(Outer, {"inner": {"near_m": 3}}) == Outer(inner=Inner(near_m=3.0))
     assert build(Outer, as_mapping(Outer())) == Outer()
-    assert as_mapping(Outer()) == {"name": "x", "inner": {"near_m": 1.0, "sizes": [1, 2]}}
+    assert as_mapping(Outer()) == {"name": "x", "inner": {"near_m": 1.0, "sizes": [1, 2]}, "parts": []}
 
 
 @pytest.mark.parametrize(
@@ -38,6 +39,7 @@ def test_values_and_defaults() -> None:
         ({"inner": {"near": 1}}, "unknown key inner.near; did you mean inner.near_m?"),
         ({"inner": {"near_m": "far"}}, "inner.near_m: .*number.* got 'far'"),
         ({"inner": 3}, "inner"),
+        ({"parts": [{}, {"neer_m": 1}]}, r"unknown key parts.1..neer_m; did you mean parts.1..near_m."),
     ],
 )
 def test_mistakes_are_named(values: dict[str, object], message: str) -> None:

@@ -130,6 +130,8 @@ def save(network: Network, card: Card, path: Path | str) -> Card:
     }
     with whole(target) as temporary:
         save_file(tensors, temporary)
+        # safetensors makes files that only their owner can read; an installed package has other readers.
+        temporary.chmod(0o644)
         written = Card(**{**card.__dict__, "sha256": _sha256(temporary)})
         with whole(target.with_suffix(".yaml")) as card_file:
             card_file.write_text(_card_text(written), encoding="utf-8")

@@ -108,7 +108,7 @@ class EmbeddingAssociation(nn.Module):
         self.up_1_2 = UpBlock(48, 32, 32)
         self.pixel_head = nn.Conv2d(32, dims, 1)
         self.point_head = nn.Linear(128, dims + 2 * self.reaches + 1)
-        self.register_buffer("reach_px", torch.tensor([8.0, 24.0, 72.0, 216.0]), persistent=False)
+        self.reach_px = (8.0, 24.0, 72.0, 216.0)
         nn.init.zeros_(self.point_head.bias)
         nn.init.constant_(self.point_head.bias[-1], FEW)
 
@@ -146,8 +146,8 @@ class EmbeddingAssociation(nn.Module):
         place = (torch.arange(size, device=centre.device, dtype=torch.float32) + 0.5) * self.stride - 0.5
         distance = (place.reshape(1, 1, -1) - centre.float()).abs()
         course = torch.zeros_like(distance)
-        for index in range(self.reaches):
-            course = course + amplitudes[:, :, index : index + 1].float() * torch.exp(-distance / self.reach_px[index])
+        for index, reach in enumerate(self.reach_px):
+            course = course + amplitudes[:, :, index : index + 1].float() * torch.exp(-distance / reach)
         return course, distance
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:

@@ -48,6 +48,9 @@ def make_network(name: str, architecture: dict[str, object], seed: int = 0) -> N
                 parameter.fill_(0.5)
             if key.endswith(("point_head.bias", "association.head.bias")):
                 parameter.add_(3.0)
+            if key.endswith("expand.weight"):
+                # So that returns differ: between returns that are all but equal, rounding decides who wins a pixel.
+                parameter.mul_(30.0)
     return network.eval()
 
 
@@ -188,7 +191,7 @@ def test_ablation_switches(switches: tuple[bool, bool, bool]) -> None:
 
 
 def test_without_the_ground_prior_the_road_is_ignored() -> None:
-    network = make_network("baff", {"ground_prior": False})
+    network = make_network("baff", {"ground_prior": False, "geometric_anchor": False})
     image, radar, valid, ground = make_inputs(1, 64, 96, 3)
     with torch.inference_mode():
         torch.testing.assert_close(
@@ -231,3 +234,20 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 0
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert int(run.stdout) * 1024 < 2e9
+
+
+def test_geometry_alone_is_what_an_idle_head_gives() -> None:
+    """With a head that adds nothing: the flat road, and the nearest return where it is closer."""
+    network = make_network("baff", {})
+    with torch.no_grad():
+        network.get_parameter("fusion.head.1.weight").zero_()
+        network.get_parameter("fusion.head.1.bias").zero_()
+    radar = torch.tensor([[[48.0, 40.0, 8.0, 5.0, 0.0, 0.0]]])
+    ground = torch.tensor([[0.0, 1 / 630 / 1.5, 0.0]])
+    image = torch.rand(1, 3, 64, 96)
+    with torch.inference_mode():
+        beside = network(image, radar, torch.ones(1, 1, dtype=torch.bool), ground).dense[0, 0]
+        alone = network(image, radar, torch.zeros(1, 1, dtype=torch.bool), ground).dense[0, 0]
+    assert beside[40, 48] == pytest.approx(8.0, rel=1e-3)
+    # The road at row 50 is 18.9 m away.
+    assert alone[50, 48] == pytest.approx(630 * 1.5 / 50, rel=1e-2)
