@@ -37,7 +37,7 @@ setup(
     install_requires=[
         "matplotlib>=3.6",
         "numpy>=1.26",
-        "opencv-python-headless>=4.8",
+        "opencv-python-headless>=4.6",
         "pydantic>=2.5",
         "PyYAML>=6.0",
         "rich>=13",

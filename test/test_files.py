@@ -16,7 +16,6 @@ def test_a_file_appears_whole(tmp_path: Path) -> None:
 def test_what_was_there_stays_when_writing_fails(tmp_path: Path) -> None:
     write_text(tmp_path / "a.txt", "old")
 
-
     def fail() -> None:
         with whole(tmp_path / "a.txt") as temporary:
             temporary.write_text("new")

@@ -125,7 +125,10 @@ class Session:
     def _judge(self, source: Input, message: Any) -> None:
         """Takes note of a message that could be read, and of what can be wrong with it all the same."""
         self.accepted[source.part] += 1
-        if source is self.inputs.camera and not message.header.frame_id and not self.pipeline.config.camera_frame:
+        config = self.pipeline.config
+        has_frame = message.header.frame_id or config.camera_frame if source is self.inputs.camera else True
+        # Where the extrinsics come from /tf_static, no frame can be made at all and the pipeline says so.
+        if not has_frame and config.camera_from_radar:
             self._problems.report(
                 source.part,
                 Level.WARN,

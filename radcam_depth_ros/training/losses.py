@@ -35,13 +35,13 @@ class LossConfig:
 
     association: float = 1.0
     association_tolerance_m: float = 0.4
-    association_tolerance_share: float = 0.0
-    positive_weight: float = 2.0
-    accumulated: float = 1.0
-    single: float = 1.0
+    association_tolerance_share: float = 0.01
+    positive_weight: float = 1.5
+    accumulated: float = 0.25
+    single: float = 0.25
     smooth_l1_beta_m: float = 1.0
     sky: float = 0.1
-    log_depth: float = 0.0
+    log_depth: float = 20.0
     confidence: float = 0.1
     confidence_tolerance: float = 0.1
 

@@ -79,7 +79,9 @@ def test_association_without_any_return_is_zero_and_passes_gradients() -> None:
 def test_association_gradient_is_finite_where_truth_is_unknown() -> None:
     logits = torch.zeros(1, 1, 1, 2, requires_grad=True)
     association = Association(logits, torch.tensor([[[0, 1]]]), 1)
-    loss = association_loss(association, one_return(10.0), torch.tensor([[[[NAN, 10.0]]]]), LossConfig())
+    loss = association_loss(
+        association, one_return(10.0), torch.tensor([[[[NAN, 10.0]]]]), LossConfig(positive_weight=2.0)
+    )
     loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     assert logits.grad is not None
     assert logits.grad.flatten().tolist() == pytest.approx([0.0, -1.0])
@@ -117,7 +119,9 @@ def outputs() -> TrainOutputs:
 
 def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
     accumulated, single = torch.full((1, 1, 1, 2), 10.0), torch.full((1, 1, 1, 2), 11.0)
-    config = LossConfig(association=0.5, accumulated=1.0, single=2.0, confidence=0.25, positive_weight=1.0)
+    config = LossConfig(
+        association=0.5, accumulated=1.0, single=2.0, log_depth=0.0, confidence=0.25, positive_weight=1.0
+    )
     association, confidence = 0.5 * entropy(0, True), 0.25 * entropy(0, False)
     one = total_loss(outputs(), one_return(10.0), accumulated, None, 100.0, config)
     assert float(one.total) == pytest.approx(association + confidence + 3 * 1.5, rel=1e-6)

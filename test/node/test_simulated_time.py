@@ -1,0 +1,43 @@
+"""With `use_sim_time` the node goes by `/clock`: waiting, standing still and looping with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from radcam_depth_ros.node.factory import build_message
+
+
+def test_an_image_waits_for_its_sweep_by_the_clock_of_the_bag(start: Callable[..., Any]) -> None:
+    bench = start(use_sim_time=True, max_wait_s=1.0)
+    bench.advertise("/clock", "rosgraph_msgs/msg/Clock")
+    bench.connect("radar/points")
+
+    def tell(seconds: int) -> None:
+        time = build_message("builtin_interfaces/msg/Time", sec=seconds, nanosec=0)
+        bench.send("/clock", build_message("rosgraph_msgs/msg/Clock", clock=time))
+
+    def is_told(seconds: int) -> Callable[[], bool]:
+        return lambda: bool(bench.node.get_clock().now().nanoseconds == seconds * 1_000_000_000)
+
+    def images() -> int:
+        return int(bench.node._session.pipeline.counts.images)
+
+    tell(100)
+    bench.until(is_told(100), what="the clock")
+    bench.send_until(lambda: images() >= 5, what="images")
+    assert not bench.depth  # no sweep came, and the bag stands still
+
+    tell(102)
+    bench.until(lambda: bench.depth, what="depth of images that waited long enough")
+    bench.diagnostics.clear()
+    bench.until(lambda: bench.diagnostics)
+
+    tell(50)  # the bag starts anew
+    bench.until(is_told(50), what="the clock")
+    bench.depth.clear()
+    count = images()
+    bench.send_until(lambda: images() >= count + 3, what="images")
+    assert not bench.depth
+    tell(52)
+    bench.until(lambda: bench.depth, what="depth after the jump")
