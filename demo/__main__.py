@@ -24,11 +24,12 @@ from demo.session import Session, await_discovery, ros_node, spinning
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.evaluation.tables import Table, summary_table
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS
 
 IMAGE = "sensor_msgs/msg/Image"
 OUTPUTS = {DEPTH: IMAGE, CAMERA_INFO: "sensor_msgs/msg/CameraInfo", SEMI_DENSE: IMAGE, CONFIDENCE: IMAGE}
 OTHERS = {
-    "/semi_dense/camera_info": "sensor_msgs/msg/CameraInfo",
+    f"/{OUTPUT_TOPICS['semi_dense_camera_info']}": "sensor_msgs/msg/CameraInfo",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
 TAIL_S = 1.0

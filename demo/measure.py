@@ -19,11 +19,12 @@ from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.evaluation.tables import Fact, Table, tables_of
 from radcam_depth_ros.frame import DepthResult, Frame
 from radcam_depth_ros.messages import Rectifier, decode_depth
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS
 
-DEPTH = "/depth/image_rect"
-CAMERA_INFO = "/depth/camera_info"
-SEMI_DENSE = "/semi_dense/image_rect"
-CONFIDENCE = "/depth/confidence"
+DEPTH = f"/{OUTPUT_TOPICS['depth']}"
+CAMERA_INFO = f"/{OUTPUT_TOPICS['depth_camera_info']}"
+SEMI_DENSE = f"/{OUTPUT_TOPICS['semi_dense']}"
+CONFIDENCE = f"/{OUTPUT_TOPICS['confidence']}"
 
 
 @dataclass(frozen=True)

@@ -194,7 +194,7 @@ class Trainer:
                 if self._config.stage(progress) is not stage:
                     return False
                 started = time.monotonic()
-                losses = self._iterate(next(batches), progress)
+                losses = self._iterate(next(batches), progress, stage)
                 self.state.step += 1
                 self.state.position += stage.batch
                 self.state.recent.add(losses)
@@ -203,12 +203,16 @@ class Trainer:
                 self._after_step(limits)
         return False
 
-    def _iterate(self, batch: Batch, progress: float) -> dict[str, float]:
+    def _iterate(self, batch: Batch, progress: float, stage: StageConfig) -> dict[str, float]:
         rate = self._config.optimiser.rate(self.state.step, progress)
         for group in self._optimiser.param_groups:
             group["lr"] = rate
         batch = batch.to(self._precision.device)
         self.network.train()
+        if stage.frozen_norms:
+            for module in self.network.modules():
+                if isinstance(module, nn.BatchNorm2d):
+                    module.eval()
         with self._precision.autocast():
             outputs = self.network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
         losses = total_loss(

@@ -21,12 +21,15 @@ class StageConfig:
         height: Of the crops, a multiple of 32.
         width: Of the crops, a multiple of 32.
         batch: Samples an iteration.
+        frozen_norms: Batch norms keep their statistics. A batch of a few crops, some of them without radar, has
+            statistics that the finished network never sees, and learning stalls on their noise.
     """
 
     share: float
     height: int
     width: int
     batch: int
+    frozen_norms: bool = False
 
     def __post_init__(self) -> None:
         if self.height < 32 or self.width < 32 or self.height % 32 or self.width % 32:
