@@ -111,7 +111,7 @@ def load(source: Path | str) -> Archive:
 
 
 def save(network: Network, card: Card, path: Path | str) -> Card:
-    """Writes weights in half precision and their card beside them; both appear whole or not at all.
+    """Writes weights in half precision, statistics in single, and their card beside them: whole or not at all.
 
     Args:
         network: The network.
@@ -124,10 +124,15 @@ def save(network: Network, card: Card, path: Path | str) -> Card:
     target = Path(path)
     if target.suffix != ".safetensors":
         raise ArchiveError(f"weights are written as .safetensors, got {target.name}")
+    # The statistics of batch norms stay in single precision: a variance can be more than a half holds.
+    weights = {name for name, _ in network.named_parameters()}
     tensors = {
-        name: (value.half() if value.is_floating_point() else value).contiguous().cpu()
+        name: (value.half() if name in weights else value).contiguous().cpu()
         for name, value in network.state_dict().items()
     }
+    for name, value in tensors.items():
+        if not torch.isfinite(value.float()).all():
+            raise ArchiveError(f"{name} is not finite in half precision; nothing was written, train on or start again")
     with whole(target) as temporary:
         save_file(tensors, temporary)
         # safetensors makes files that only their owner can read; an installed package has other readers.

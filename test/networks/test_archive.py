@@ -47,7 +47,8 @@ def test_weights_come_back_in_half_precision(weights: Path) -> None:
     assert loaded.card.network == "baff"
     assert loaded.card.architecture["bidirectional"] is False
     assert loaded.card.metrics == {"mae_80_m": 1.5}
-    assert all(value.dtype in (torch.float16, torch.int64) for value in load_file(weights).values())
+    stored = load_file(weights)
+    assert {stored[name].dtype for name, _ in loaded.network.named_parameters()} == {torch.float16}
     torch.manual_seed(0)
     original = networks.create("baff", ARCHITECTURE).eval()
     given = inputs()
@@ -153,5 +154,23 @@ def test_nothing_half_written_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(archive, "save_file", fail)
     network = networks.create("baff", ARCHITECTURE)
     with pytest.raises(FileError, match="disk full"):
+        archive.save(network, Card.of(network, "baff", "nothing"), tmp_path / "baff.safetensors")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_statistics_beyond_half_precision_come_back(tmp_path: Path) -> None:
+    network = networks.create("baff", ARCHITECTURE)
+    with torch.no_grad():
+        network.get_buffer("fusion.top_down.0.1.running_var").fill_(1e6)
+    archive.save(network, Card.of(network, "baff", "nothing"), tmp_path / "baff.safetensors")
+    loaded = archive.load(tmp_path / "baff.safetensors").network
+    assert float(loaded.get_buffer("fusion.top_down.0.1.running_var")[0]) == 1e6
+
+
+def test_weights_beyond_half_precision_are_not_written(tmp_path: Path) -> None:
+    network = networks.create("baff", ARCHITECTURE)
+    with torch.no_grad():
+        network.get_parameter("fusion.head.1.bias").fill_(1e6)
+    with pytest.raises(ArchiveError, match=r"fusion.head.1.bias is not finite in half precision"):
         archive.save(network, Card.of(network, "baff", "nothing"), tmp_path / "baff.safetensors")
     assert list(tmp_path.iterdir()) == []
