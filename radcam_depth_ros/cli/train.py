@@ -40,6 +40,9 @@ def train(
     config: Annotated[
         Path | None, typer.Option(help="Recipe; its defaults are those of config/train/baff.yaml.")
     ] = None,
+    init: Annotated[
+        str | None, typer.Option(help="Weights to start from: a network's name, or a file; else they are random.")
+    ] = None,
     minutes: Annotated[
         float | None, typer.Option(min=0.01, help="Time limit; the schedule is fitted to it. Resuming counts on.")
     ] = None,
@@ -65,10 +68,10 @@ def train(
     console = Console(stderr=True)
     given = [*(bags or []), *(more_bags or [])]
     if resume:
-        if given or validation_bags or config or seed is not None:
+        if given or validation_bags or config or init or seed is not None:
             raise TrainingError(
-                "--resume takes bags, recipe and seed from the run's folder; leave --bags, --validation-bags, --config "
-                "and --seed out"
+                "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
+                "--config, --init and --seed out"
             )
         plan = _read_plan(out)
     else:
@@ -84,7 +87,7 @@ def train(
         console.print(f"training {plan['network']} on {data.description}; validating on {len(data.validation)}")
         with _stop_signals() as stop:
             observer = _Display(progress)
-            trainer = Trainer(plan["network"], data, recipe, out, observer, resume)
+            trainer = Trainer(plan["network"], data, recipe, out, observer, resume, init)
             result = trainer.run(Limits(plan["minutes"], stop.is_set))
     _finish(result, out, console)
 

@@ -1,7 +1,7 @@
 """The networks: torch only. `create` builds one by name, `archive` reads and writes their weights."""
 
 from radcam_depth_ros.networks.baff import Baff, BaffConfig
-from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Association, Depths, Network, TrainOutputs
+from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Association, Candidates, Depths, Network, TrainOutputs
 from radcam_depth_ros.networks.registry import ArchitectureError, create, names
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "Association",
     "Baff",
     "BaffConfig",
+    "Candidates",
     "Depths",
     "Network",
     "TrainOutputs",

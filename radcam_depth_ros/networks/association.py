@@ -16,15 +16,18 @@ from radcam_depth_ros.networks.blocks import ConvBlock, ResidualEncoder, UpBlock
 from radcam_depth_ros.networks.interface import Association
 
 ENCODER_CHANNELS = (32, 64, 128, 128, 128)
+FEATURES = 64
+"""Features of the image at a quarter of its size, which stage 2 takes from stage 1."""
+
 CELL_PX = 32
 """Size of a cell of the coarsest feature map."""
 
 FEW = -3.0
 """Logit that training starts from: few pixels belong to a return."""
 
-SUPERVISED = 64
-"""Returns of a sample whose association is trained, the first ones: their order is random in training, and the logits
-of all would cost more than the rest of the network. All of them take part in the semi-dense depth."""
+SUPERVISED = 128
+"""Returns of a sample whose C_n is trained, the first ones: their order is random in training, and the loss of all
+would cost more than the rest of the network. All of them take part in the semi-dense depth."""
 
 OUTSIDE = -1.0e4
 """Logit of a pixel outside of a return's region: its probability is 0, and still a number in bfloat16."""
@@ -77,11 +80,12 @@ class PointEncoder(nn.Module):
 
 
 class EmbeddingAssociation(nn.Module):
-    """Association by embedding, at half of the image's size.
+    """Association by embedding, at a quarter of the image's size.
 
-    Deviation: b_n falls with the distance from the return's column and from its row, by learned amplitudes of four
-    reaches each. Where a pixel lies is known, and need not be learned as part of its vector; a radar without height
-    simply gets a flat course along the rows.
+    Deviations: g(n) is made of what the radar tells of a return and of the image's features where it projects to, so
+    that f(x) . g(n) can say whether both show the same thing. b_n falls with the distance from the return's column and
+    from its row, by learned amplitudes of four reaches each: where a pixel lies is known, and need not be learned as
+    part of its vector; a radar without height simply gets a flat course along the rows.
 
     Args:
         in_channels: Planes of the image input.
@@ -90,7 +94,7 @@ class EmbeddingAssociation(nn.Module):
         region_width_px: Width of a return's region of interest.
     """
 
-    stride: Final[int] = 2
+    stride: Final[int] = 4
     reaches: Final[int] = 4
     # The returns are gone through in this many parts, so that N x H x W values are never held at once.
     parts: Final[int] = 8
@@ -104,39 +108,44 @@ class EmbeddingAssociation(nn.Module):
         self.points = points
         self.up_1_16 = UpBlock(128, 128, 128)
         self.up_1_8 = UpBlock(128, 128, 96)
-        self.up_1_4 = UpBlock(96, 64, 48)
-        self.up_1_2 = UpBlock(48, 32, 32)
-        self.pixel_head = nn.Conv2d(32, dims, 1)
+        self.up_1_4 = UpBlock(96, 64, FEATURES)
+        self.pixel_head = nn.Conv2d(FEATURES, dims, 1)
+        self.joint = nn.Sequential(nn.Linear(128 + FEATURES + 96, 128), nn.LeakyReLU(0.2))
         self.point_head = nn.Linear(128, dims + 2 * self.reaches + 1)
         self.reach_px = (8.0, 24.0, 72.0, 216.0)
         nn.init.zeros_(self.point_head.bias)
         nn.init.constant_(self.point_head.bias[-1], FEW)
 
-    def pixel_vectors(self, image: Tensor) -> Tensor:
-        """(B, C, H, W) to f (B, dims, H / 2, W / 2)."""
+    def vectors(self, image: Tensor, radar: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Encodes pixels and returns.
+
+        Args:
+            image: (B, C, H, W) image planes.
+            radar: (B, N, 6); N may be 0.
+
+        Returns:
+            f (B, dims, H / 4, W / 4); for each return (B, N, dims + 2 reaches + 1): g, the amplitudes of columns and
+            of rows, b; and the features that f is made of (B, FEATURES, H / 4, W / 4).
+        """
         maps = self.encoder(image)
-        x = self.up_1_16(maps[4], maps[3])
-        x = self.up_1_8(x, maps[2])
-        x = self.up_1_4(x, maps[1])
-        result: Tensor = self.pixel_head(self.up_1_2(x, maps[0]))
-        return result
+        x_1_8 = self.up_1_8(self.up_1_16(maps[4], maps[3]), maps[2])
+        x_1_4 = self.up_1_4(x_1_8, maps[1])
+        known = self.points(radar, image.shape[2])
+        seen_1_4, seen_1_8 = _sample(x_1_4, radar, 4), _sample(x_1_8, radar, 8)
+        known = torch.cat([known, seen_1_4.to(known.dtype), seen_1_8.to(known.dtype)], dim=2)
+        points: Tensor = self.point_head(self.joint(known))
+        pixels: Tensor = self.pixel_head(x_1_4)
+        return pixels, points, x_1_4
 
-    def point_vectors(self, radar: Tensor, image_height: int) -> Tensor:
-        """(B, N, 6) to (B, N, dims + 2 reaches + 1): g, the amplitudes of columns and of rows, b."""
-        vectors: Tensor = self.point_head(self.points(radar, image_height))
-        return vectors
-
-    def logits(self, pixels: Tensor, vectors: Tensor, radar: Tensor, valid: Tensor) -> Tensor:
-        """F (B, D, h, w) and returns' vectors to logits (B, N, h, w), `OUTSIDE` where a return cannot be."""
+    def logits(self, pixels: Tensor, points: Tensor, radar: Tensor, valid: Tensor) -> Tensor:
+        """Vectors of pixels and returns to logits (B, N, h, w), `OUTSIDE` where a return cannot be."""
         batch, _, height, width = pixels.shape
-        learned = vectors[:, :, : self.dims].to(pixels.dtype)
+        learned = points[:, :, : self.dims].to(pixels.dtype)
         first, last = self.dims, self.dims + self.reaches
-        by_column, distance = self._course(vectors[:, :, first:last], radar[:, :, 0:1], width)
+        by_column, distance = self._course(points[:, :, first:last], radar[:, :, 0:1], width)
         inside = (distance <= 0.5 * self.region_width_px) & valid.unsqueeze(2)
-        by_column = torch.where(
-            inside, by_column + vectors[:, :, -1:].float(), torch.full_like(by_column, self.outside)
-        )
-        by_row, _ = self._course(vectors[:, :, self.dims + self.reaches : -1], radar[:, :, 1:2], height)
+        by_column = torch.where(inside, by_column + points[:, :, -1:].float(), torch.full_like(by_column, self.outside))
+        by_row, _ = self._course(points[:, :, self.dims + self.reaches : -1], radar[:, :, 1:2], height)
         products = torch.bmm(learned, pixels.reshape(batch, self.dims, height * width))
         products = products.reshape(batch, radar.shape[1], height, width)
         return products + by_column.to(products.dtype).unsqueeze(2) + by_row.to(products.dtype).unsqueeze(3)
@@ -150,7 +159,7 @@ class EmbeddingAssociation(nn.Module):
             course = course + amplitudes[:, :, index : index + 1].float() * torch.exp(-distance / reach)
         return course, distance
 
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Finds each pixel's return.
 
         Args:
@@ -159,37 +168,36 @@ class EmbeddingAssociation(nn.Module):
             valid: (B, N) bool.
 
         Returns:
-            The greatest logit (B, 1, H / 2, W / 2) over the returns, and the depth of its return.
+            The greatest logit (B, 1, H / 4, W / 4) over the returns, the depth of its return, and features of the image
+            (B, FEATURES, H / 4, W / 4).
         """
-        pixels = self.pixel_vectors(image)
-        return self.strongest(pixels, self.point_vectors(radar, image.shape[2]), radar, valid)
-
-    def strongest(self, pixels: Tensor, vectors: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-        """The greatest logit of each pixel, and its return's depth; arguments as of `logits`, N may be 0."""
+        pixels, points, features = self.vectors(image, radar)
         batch, _, height, width = pixels.shape
         # Two padding rows a part: no part is empty, whatever N is, nor of one row, which torch.export takes for fixed.
-        vectors = functional.pad(vectors, (0, 0, 0, 2 * self.parts))
+        points = functional.pad(points, (0, 0, 0, 2 * self.parts))
         radar, valid = _pad(radar, valid, 2 * self.parts)
         best = torch.full((batch, 1, height, width), self.outside, device=pixels.device, dtype=pixels.dtype)
         depth = torch.zeros_like(best, dtype=torch.float32)
         for part in range(self.parts):
             returns = radar[:, part :: self.parts]
-            logits = self.logits(pixels, vectors[:, part :: self.parts], returns, valid[:, part :: self.parts])
-            best, depth = _nearer(best, depth, logits, returns[:, :, 2])
-        return best, depth
+            logits = self.logits(pixels, points[:, part :: self.parts], returns, valid[:, part :: self.parts])
+            strongest, chosen = _strongest(logits, returns[:, :, 2])
+            better = strongest > best
+            best, depth = torch.where(better, strongest, best), torch.where(better, chosen, depth)
+        return best, depth, features
 
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Association, Tensor, Tensor]:
-        """As `forward`, with the logits of the first `SUPERVISED` returns: (association, greatest logit, its depth)."""
-        pixels = self.pixel_vectors(image)
-        vectors = self.point_vectors(radar, image.shape[2])
-        with torch.no_grad():
-            best, depth = self.strongest(pixels, vectors, radar, valid)
-        vectors, radar, valid = vectors[:, :SUPERVISED], radar[:, :SUPERVISED], valid[:, :SUPERVISED]
+    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Association, Tensor, Tensor, Tensor]:
+        """As `forward`, all returns at once, and before it their logits."""
+        pixels, points, features = self.vectors(image, radar)
+        count = radar.shape[1]
+        radar, valid = _pad(radar, valid, 2)
+        logits = self.logits(pixels, functional.pad(points, (0, 0, 0, 2)), radar, valid)
+        best, depth = _strongest(logits.detach(), radar[:, :, 2])
         column = torch.arange(pixels.shape[3], device=pixels.device).reshape(1, 1, -1)
         centre = (column + 0.5) * self.stride - 0.5
+        radar, valid = radar[:, : min(count, SUPERVISED)], valid[:, : min(count, SUPERVISED)]
         inside = ((centre - radar[:, :, 0:1]).abs() <= 0.5 * self.region_width_px) & valid.unsqueeze(2)
-        logits = self.logits(pixels, vectors, radar, valid)
-        return Association(logits, torch.where(inside, column, -1), self.stride), best, depth
+        return Association(logits[:, :count], torch.where(inside, column, -1), self.stride), best, depth, features
 
 
 class RegionAssociation(nn.Module):
@@ -228,14 +236,13 @@ class RegionAssociation(nn.Module):
         with torch.no_grad():
             self.head.bias.fill_(FEW)  # type: ignore[union-attr]  # a Conv2d has a bias unless told otherwise
 
-    def region_logits(self, image: Tensor, radar: Tensor, valid: Tensor) -> Association:
-        """Decodes each region: logits (B, N, H, region width), and their columns in the image."""
-        batch, _, height, width = image.shape
-        maps = self.encoder(image)
+    def region_logits(self, maps: list[Tensor], radar: Tensor, valid: Tensor, height: int, width: int) -> Association:
+        """Decodes each region of an encoded image: logits (B, N, H, region width), and their columns in the image."""
+        batch = radar.shape[0]
         start = torch.round(radar[:, :, 0] / self.cell_px - 0.5 * self.cells)
         # A return far outside of the image would have no column in it: its region is all padding.
         start = start.clamp(-self.cells, width // self.cell_px).long()
-        cell = start.unsqueeze(2) + torch.arange(self.cells, device=image.device)
+        cell = start.unsqueeze(2) + torch.arange(self.cells, device=radar.device)
         skips = [_regions(level, cell, width // self.cell_px) for level in maps]
         radar_map = self.expand(self.points(radar, height))
         radar_map = radar_map.reshape(batch * radar.shape[1], 128, self.radar_map_size[0], self.radar_map_size[1])
@@ -247,25 +254,26 @@ class RegionAssociation(nn.Module):
         x = self.up_1_4(x, skips[1])
         x = self.up_1_2(x, skips[0])
         logits = self.head(self.up_1_1(double(x))).reshape(batch, radar.shape[1], height, self.cells * self.cell_px)
-        columns = start.unsqueeze(2) * self.cell_px + torch.arange(self.cells * self.cell_px, device=image.device)
+        columns = start.unsqueeze(2) * self.cell_px + torch.arange(self.cells * self.cell_px, device=radar.device)
         inside = (columns >= 0) & (columns < width) & valid.unsqueeze(2)
         return Association(logits, torch.where(inside, columns, -1), self.stride)
 
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-        """Finds each pixel's return; as `EmbeddingAssociation.forward`, at the image's size."""
-        _, best, depth = self.train_outputs(image, radar, valid)
-        return best, depth
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Finds each pixel's return; as `EmbeddingAssociation.forward`, but for the features at the image's size."""
+        _, best, depth, features = self.train_outputs(image, radar, valid)
+        return best, depth, features
 
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Association, Tensor, Tensor]:
-        """As `forward`, with all logits: (association, greatest logit, depth of its return)."""
+    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Association, Tensor, Tensor, Tensor]:
+        """As `forward`, and before it all logits."""
         # Two padding rows, for the reason given in EmbeddingAssociation.forward.
         radar, valid = _pad(radar, valid, 2)
-        association = self.region_logits(image, radar, valid)
+        maps = self.encoder(image)
+        association = self.region_logits(maps, radar, valid, image.shape[2], image.shape[3])
         best, depth = _paint(
             association.logits.detach(), association.columns, radar[:, :, 2], image.shape[3], self.outside
         )
         without_padding = Association(association.logits[:, :-2], association.columns[:, :-2], self.stride)
-        return without_padding, best, depth
+        return without_padding, best, depth, maps[1]
 
 
 def _pad(radar: Tensor, valid: Tensor, rows: int) -> tuple[Tensor, Tensor]:
@@ -273,18 +281,20 @@ def _pad(radar: Tensor, valid: Tensor, rows: int) -> tuple[Tensor, Tensor]:
     return functional.pad(radar, (0, 0, 0, rows), value=1.0), functional.pad(valid, (0, rows), value=False)
 
 
-def _nearer(best: Tensor, depth: Tensor, logits: Tensor, depths: Tensor) -> tuple[Tensor, Tensor]:
-    """Keeps the greater of what was found so far and what one more part of the returns gives."""
-    strongest, chosen = _strongest(logits, depths)
-    better = strongest > best
-    return torch.where(better, strongest, best), torch.where(better, chosen, depth)
-
-
 def _strongest(logits: Tensor, depths: Tensor) -> tuple[Tensor, Tensor]:
     """Greatest logit (B, 1, h, w) over the returns (B, N, h, w), and the depth (B, N) of its return; N >= 1."""
     best, index = logits.max(dim=1, keepdim=True)
     chosen = torch.gather(depths.float(), 1, index.flatten(1)).reshape(index.shape)
     return best, chosen
+
+
+def _sample(level: Tensor, radar: Tensor, stride: int) -> Tensor:
+    """Features (B, N, C) of a map (B, C, h, w) at the pixel that shows each return, or the nearest at the border."""
+    channels, height, width = level.shape[1], level.shape[2], level.shape[3]
+    column = torch.floor((radar[:, :, 0] + 0.5) / stride).clamp(0, width - 1)
+    row = torch.floor((radar[:, :, 1] + 0.5) / stride).clamp(0, height - 1)
+    index = (row * width + column).long().unsqueeze(1).expand(-1, channels, -1)
+    return torch.gather(level.flatten(2), 2, index).transpose(1, 2)
 
 
 def _regions(level: Tensor, cell: Tensor, image_cells: int) -> Tensor:

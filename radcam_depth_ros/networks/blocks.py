@@ -175,3 +175,44 @@ def nearest_returns(radar: Tensor, valid: Tensor, height: int, width: int) -> tu
         depth = torch.where(squared < best, chosen, depth)
         best = torch.minimum(squared, best)
     return depth, best.sqrt()
+
+
+def return_layers(radar: Tensor, valid: Tensor, distance: Tensor, shares: list[float]) -> Tensor:
+    """Depths of the returns around each cell of 8 x 8 pixels, from near to far: weighted quantiles.
+
+    A return weighs exp(-r), r being its distance in reaches of 4 px across and 8 px along the column (depth changes
+    less along it), wider where even the nearest return is far away.
+
+    Args:
+        radar: (B, N, 6), columns as `RADAR_COLUMNS`; N may be 0.
+        valid: (B, N) bool.
+        distance: (B, 1, h, w) pixels to the nearest return, of `nearest_returns`.
+        shares: The quantiles, 0 to 1.
+
+    Returns:
+        (B, len(shares), h, w) metres; 0 where there is no return.
+    """
+    # Two padding rows, for the reasons given in `EmbeddingAssociation.forward`.
+    radar = functional.pad(radar.float(), (0, 0, 0, 2), value=1.0)
+    valid = functional.pad(valid, (0, 2), value=False)
+    height, width = distance.shape[2], distance.shape[3]
+    depth, order = torch.sort(radar[:, :, 2], dim=1)
+    column = torch.gather(radar[:, :, 0], 1, order).unsqueeze(2)
+    row = torch.gather(radar[:, :, 1], 1, order).unsqueeze(2)
+    there = torch.gather(valid, 1, order).reshape(valid.shape[0], -1, 1, 1)
+    columns = torch.arange(width, device=radar.device, dtype=torch.float32) * 8.0 + 3.5
+    rows = torch.arange(height, device=radar.device, dtype=torch.float32) * 8.0 + 3.5
+    across = ((column - columns.reshape(1, 1, -1)) / 4.0).square().unsqueeze(2)
+    along = ((row - rows.reshape(1, 1, -1)) / 8.0).square().unsqueeze(3)
+    reach = 1.0 + 0.05 * distance.clamp(max=1.0e4)
+    # Relative to the nearest return, so that the sum is never 0: at most its own distance, in the smaller reach.
+    weight = torch.exp((distance.clamp(max=1.0e4) / 8.0 - (across + along).sqrt()) / reach)
+    below = torch.cumsum(weight * there.float(), dim=1)
+    total = below[:, -1:]
+    last = radar.shape[1] - 1
+    layers: list[Tensor] = []
+    for share in shares:
+        index = (below < share * total).sum(dim=1, keepdim=True).clamp(max=last)
+        layers.append(torch.gather(depth, 1, index.flatten(1)).reshape(index.shape))
+    result = torch.cat(layers, dim=1)
+    return torch.where(total > 0, result, torch.zeros_like(result))

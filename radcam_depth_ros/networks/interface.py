@@ -36,9 +36,9 @@ class Depths(NamedTuple):
 class Association(NamedTuple):
     """Which pixels belong to which radar return, as training needs it.
 
-    logits: (B, n, h, w), of the probability that a pixel belongs to a return, of the first n <= N returns.
-    columns: (B, n, w) int64, the column of each logit in the image divided by `stride`; -1 outside of the image, of the
-        return's region of interest, or for padding.
+    logits: (B, N, h, w), of the probability that a pixel belongs to a return.
+    columns: (B, n, w) int64, the column of each logit in the image divided by `stride`, of the first n <= N returns;
+        -1 outside of the image, of the return's region of interest, or for padding. Only these are trained.
     stride: pixels a logit, so h = H / stride.
     """
 
@@ -47,12 +47,27 @@ class Association(NamedTuple):
     stride: int
 
 
-class TrainOutputs(NamedTuple):
-    """What training needs of a network: the depths, and what its other losses are made from."""
+class Candidates(NamedTuple):
+    """The depths between which a network chooses for each pixel.
 
-    depths: Depths
-    association: Association
-    confidence_logit: Tensor
+    logits: (B, K, H, W).
+    depth_m: (B, K, H, W) metres.
+    """
+
+    logits: Tensor
+    depth_m: Tensor
+
+
+class TrainOutputs(NamedTuple):
+    """What training needs of a network: the depths, and what its other losses are made from.
+
+    Parts of a network whose weights are fixed (`requires_grad` is False) give None: what does not learn has no loss.
+    """
+
+    depths: Depths | None
+    confidence_logit: Tensor | None
+    association: Association | None
+    candidates: Candidates | None
 
 
 class Network(nn.Module):
@@ -61,9 +76,11 @@ class Network(nn.Module):
     Attributes:
         config_type: The frozen dataclass of the architecture.
         config: Its instance: architecture only, no loss weights, paths or devices.
+        parts: Names of the submodules that can be trained one by one.
     """
 
     config_type: ClassVar[type[Any]]
+    parts: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, config: Any) -> None:
         super().__init__()

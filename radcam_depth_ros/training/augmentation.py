@@ -45,19 +45,19 @@ class RadarAugmentationConfig:
             often: imaging radars give thousands, of which an iteration has no time for all.
     """
 
-    none: float = 0.05
-    one_radar: float = 0.6
-    thinned: float = 0.4
+    none: float = 0.03
+    one_radar: float = 0.25
+    thinned: float = 0.2
     thinned_share: float = 0.6
-    clutter: float = 0.3
+    clutter: float = 0.1
     clutter_share: float = 0.15
     pixel_noise: float = 1.0
     depth_noise_m: float = 0.1
     rcs_unknown: float = 0.15
     speed_unknown: float = 0.15
     age_unknown: float = 0.15
-    min_points: int = 24
-    max_points: int = 1024
+    min_points: int = 300
+    max_points: int = 1200
 
     def __post_init__(self) -> None:
         if not 1 <= self.min_points <= self.max_points:
@@ -77,10 +77,10 @@ class GroundAugmentationConfig:
         roll_deg: Largest error of roll.
     """
 
-    unknown: float = 0.15
-    height_share: float = 0.05
-    pitch_deg: float = 0.6
-    roll_deg: float = 0.4
+    unknown: float = 0.05
+    height_share: float = 0.03
+    pitch_deg: float = 0.3
+    roll_deg: float = 0.2
 
 
 @dataclass(frozen=True)

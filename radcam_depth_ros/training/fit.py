@@ -14,7 +14,7 @@ from typing import Protocol
 import torch
 from torch import nn
 
-from radcam_depth_ros import networks
+from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.networks import archive
 from radcam_depth_ros.training.batches import Batch, BatchMaker, SampleSet, prefetch
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, load_checkpoint, save_checkpoint
@@ -115,13 +115,21 @@ class Trainer:
         folder: Of the run; holds checkpoint, archive, metrics and curves.
         observer: Told of each step.
         resume: Go on from the folder's checkpoint.
+        initial: Weights to start from, an archive of the same architecture; else they are random.
 
     Raises:
-        TrainingError: when the checkpoint does not fit or the device is missing.
+        TrainingError: when checkpoint, initial weights or parts do not fit, or the device is missing.
     """
 
     def __init__(
-        self, network: str, data: TrainingData, config: TrainingConfig, folder: Path, observer: Observer, resume: bool
+        self,
+        network: str,
+        data: TrainingData,
+        config: TrainingConfig,
+        folder: Path,
+        observer: Observer,
+        resume: bool,
+        initial: str | Path | None = None,
     ) -> None:
         self._name = network
         self._data = data
@@ -130,7 +138,11 @@ class Trainer:
         self._observer = observer
         self._precision = Precision.choose(config.precision, config.device)
         torch.manual_seed(config.seed)
-        self.network = networks.create(network, config.architecture).to(self._precision.device)
+        self.network = networks.create(network, config.architecture)
+        _check_parts(self.network, network, config)
+        if initial is not None and not resume:
+            _initialise(self.network, network, initial)
+        self.network.to(self._precision.device)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
         self._averaged = AveragedWeights(self.network, config.optimiser.average_decay)
         self._optimiser = _optimiser(self.network, config.optimiser)
@@ -208,11 +220,7 @@ class Trainer:
         for group in self._optimiser.param_groups:
             group["lr"] = rate
         batch = batch.to(self._precision.device)
-        self.network.train()
-        if stage.frozen_norms:
-            for module in self.network.modules():
-                if isinstance(module, nn.BatchNorm2d):
-                    module.eval()
+        self._choose_parts(stage)
         with self._precision.autocast():
             outputs = self.network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
         losses = total_loss(
@@ -233,6 +241,14 @@ class Trainer:
         self._optimiser.step()
         self._averaged.update(self.network, self.state.step)
         return {**losses.values(), "gradient_norm": float(norm)}
+
+    def _choose_parts(self, stage: StageConfig) -> None:
+        """Lets the stage's parts learn; the others keep their weights and statistics."""
+        learning = stage.parts or self.network.parts
+        self.network.train()
+        for name in self.network.parts:
+            part = self.network.get_submodule(name)
+            part.train(name in learning).requires_grad_(name in learning)
 
     def _skip(self, loss: float) -> None:
         """Leaves the weights as they are after a gradient that is no number: one odd batch does not end a run."""
@@ -288,6 +304,33 @@ class Trainer:
         if limits.minutes is not None:
             progress = max(progress, self.state.elapsed_s / (60 * limits.minutes))
         return min(progress, 1.0)
+
+
+def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -> None:
+    for stage in config.stages:
+        unknown = sorted(set(stage.parts) - set(network.parts))
+        if unknown:
+            raise TrainingError(
+                f"a stage of the recipe trains {unknown[0]!r}, which is no part of {name}; its parts are "
+                f"{', '.join(network.parts) or 'not trained one by one'}"
+            )
+
+
+def _initialise(network: networks.Network, name: str, initial: str | Path) -> None:
+    given = archive.load(initial)
+    if isinstance(given.network, torch.jit.ScriptModule):
+        raise TrainingError(f"{initial} is an export, and an export cannot be trained; give the .safetensors file")
+    if given.card.network != name:
+        raise TrainingError(f"the weights of {initial} are of {given.card.network!r}, not of {name!r}")
+    # tau is no weight: it may be another one.
+    mine = {**configuration.as_mapping(network.config), "threshold": None}
+    theirs = {**given.card.architecture, "threshold": None}
+    differing = [key for key in mine if theirs.get(key) != mine[key]]
+    if differing:
+        raise TrainingError(
+            f"the architecture of {initial} differs in {', '.join(differing)}; give the recipe the same architecture"
+        )
+    network.load_state_dict(given.network.state_dict())
 
 
 def _optimiser(network: nn.Module, config: OptimiserConfig) -> torch.optim.AdamW:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from radcam_depth_ros.networks import Association, TrainOutputs
+from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -21,6 +21,8 @@ class LossConfig:
         association_tolerance_m: A pixel belongs to a return when their depths differ by less than this (the paper's
             0.4 m).
         association_tolerance_share: Widens the tolerance by this share of the depth; 0 is the paper's form.
+        choice: Weight of the choice between candidates of depth, a cross entropy.
+        choice_tolerance: Relative error of a candidate's depth at which it counts 1 / e as much as a right one.
         positive_weight: How much more a pixel that belongs to a return counts than one that does not: they are few.
         accumulated: Weight of the smooth L1 on the accumulated ground truth (exact depth in simulated drives).
         single: Weight of the smooth L1 on the single scan's ground truth; both are 1 in the paper.
@@ -37,6 +39,8 @@ class LossConfig:
     association_tolerance_m: float = 0.4
     association_tolerance_share: float = 0.01
     positive_weight: float = 1.5
+    choice: float = 1.0
+    choice_tolerance: float = 0.05
     accumulated: float = 0.25
     single: float = 0.25
     smooth_l1_beta_m: float = 1.0
@@ -53,6 +57,7 @@ class LossConfig:
             self.sky,
             self.log_depth,
             self.confidence,
+            self.choice,
             self.association_tolerance_share,
         )
         if min(weights) < 0:
@@ -62,11 +67,12 @@ class LossConfig:
             self.positive_weight,
             self.smooth_l1_beta_m,
             self.confidence_tolerance,
+            self.choice_tolerance,
         )
         if min(positive) <= 0:
             raise TrainingError(
-                "association_tolerance_m, positive_weight, smooth_l1_beta_m and confidence_tolerance must be "
-                f"positive, got {min(positive)}"
+                "association_tolerance_m, choice_tolerance, positive_weight, smooth_l1_beta_m and "
+                f"confidence_tolerance must be positive, got {min(positive)}"
             )
 
 
@@ -76,6 +82,7 @@ class Losses:
 
     total: Tensor
     association: Tensor
+    choice: Tensor
     dense: Tensor
     log_depth: Tensor
     confidence: Tensor
@@ -113,6 +120,25 @@ def association_loss(association: Association, radar: Tensor, truth_m: Tensor, c
     weight = torch.where(positive, config.positive_weight, 1.0) * counts
     entropy = functional.binary_cross_entropy_with_logits(logits, positive.float(), weight, reduction="sum")
     return entropy / counts.sum().clamp(min=1)
+
+
+def choice_loss(candidates: Candidates, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
+    """Negative log likelihood of the depth, as a mixture of a Laplace distribution of log depth at each candidate.
+
+    Args:
+        candidates: What the network chooses between.
+        truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) and what is beyond `max_depth_m` is there.
+        max_depth_m: Farthest depth that the network gives.
+        config: `choice_tolerance`.
+    """
+    # Every other row and column: neighbours say much the same.
+    truth = truth_m[:, :, ::2, ::2]
+    counts = ~torch.isnan(truth)
+    truth = torch.log(torch.where(counts, truth, 1.0).clamp(0.1, max_depth_m))
+    logits = candidates.logits[:, :, ::2, ::2].float()
+    distance = (torch.log(candidates.depth_m[:, :, ::2, ::2]) - truth).abs() / config.choice_tolerance
+    likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
+    return _mean(-likelihood, counts)
 
 
 def dense_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
@@ -164,18 +190,27 @@ def total_loss(
         max_depth_m: Farthest depth that the network gives.
         config: Weights.
     """
+    total = accumulated_m.new_zeros(())
+    association = choice = accumulated = log_depth = confidence = total
+    if outputs.association is not None:
+        association = association_loss(outputs.association, radar, accumulated_m, config)
+        total = total + config.association * association
+    if outputs.depths is None or outputs.confidence_logit is None:
+        return Losses(total, association.detach(), choice.detach(), accumulated, log_depth, confidence)
+    if outputs.candidates is not None:
+        choice = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config)
+        total = total + config.choice * choice
     dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
-    association = association_loss(outputs.association, radar, accumulated_m, config)
     accumulated = dense_loss(dense_m, accumulated_m, max_depth_m, config)
     single = accumulated if single_m is None else dense_loss(dense_m, single_m, max_depth_m, config)
     confidence = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config)
-    total = config.association * association + config.accumulated * accumulated + config.single * single
-    total = total + config.confidence * confidence
-    log_depth = torch.zeros_like(total)
+    total = total + config.accumulated * accumulated + config.single * single + config.confidence * confidence
     if config.log_depth > 0:
         log_depth = log_depth_loss(dense_m, accumulated_m, max_depth_m)
         total = total + config.log_depth * log_depth
-    return Losses(total, association.detach(), accumulated.detach(), log_depth.detach(), confidence.detach())
+    return Losses(
+        total, association.detach(), choice.detach(), accumulated.detach(), log_depth.detach(), confidence.detach()
+    )
 
 
 def _mean(values: Tensor, where: Tensor) -> Tensor:

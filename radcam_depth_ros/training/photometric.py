@@ -33,19 +33,19 @@ class PhotometricConfig:
         noise_level: Largest standard deviation, of a range of 1.
     """
 
-    tone: float = 0.8
+    tone: float = 0.5
     brightness: float = 0.5
     contrast: float = 0.4
     gamma: float = 0.3
-    colour: float = 0.7
+    colour: float = 0.4
     white_balance: float = 0.2
     grey: float = 0.1
-    illumination: float = 0.5
+    illumination: float = 0.2
     illumination_strength: float = 0.35
-    shadow: float = 0.35
-    blur: float = 0.15
+    shadow: float = 0.2
+    blur: float = 0.1
     blur_px: float = 1.5
-    noise: float = 0.4
+    noise: float = 0.2
     noise_level: float = 0.03
 
 

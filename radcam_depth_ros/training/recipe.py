@@ -21,15 +21,14 @@ class StageConfig:
         height: Of the crops, a multiple of 32.
         width: Of the crops, a multiple of 32.
         batch: Samples an iteration.
-        frozen_norms: Batch norms keep their statistics. A batch of a few crops, some of them without radar, has
-            statistics that the finished network never sees, and learning stalls on their noise.
+        parts: Parts of the network that learn, by name; all when there are none. The others stay as they are.
     """
 
     share: float
     height: int
     width: int
     batch: int
-    frozen_norms: bool = False
+    parts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.height < 32 or self.width < 32 or self.height % 32 or self.width % 32:
@@ -59,7 +58,7 @@ class OptimiserConfig:
     warm_up_iterations: int = 100
     weight_decay: float = 1e-4
     clip_norm: float = 20.0
-    average_decay: float = 0.998
+    average_decay: float = 0.995
 
     def __post_init__(self) -> None:
         if self.schedule not in ("cosine", "step"):
@@ -131,9 +130,8 @@ class TrainingConfig:
     log_every_iterations: int = 50
     checkpoint_every_minutes: float = 5.0
     stages: tuple[StageConfig, ...] = (
-        StageConfig(0.62, 192, 384, 4),
-        StageConfig(0.28, 256, 448, 4),
-        StageConfig(0.10, 448, 800, 1),
+        StageConfig(0.4, 320, 256, 4, ("association",)),
+        StageConfig(0.6, 320, 256, 4, ("fusion",)),
     )
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     loss: LossConfig = field(default_factory=LossConfig)

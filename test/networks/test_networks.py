@@ -15,6 +15,7 @@ from torch import Tensor
 from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError, archive
+from radcam_depth_ros.networks.blocks import nearest_returns, return_layers
 from radcam_depth_ros.networks.interface import Network
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
@@ -46,6 +47,8 @@ def make_network(name: str, architecture: dict[str, object], seed: int = 0) -> N
         for key, parameter in network.named_parameters():
             if key.endswith(("alpha", "beta")):
                 parameter.fill_(0.5)
+            if key.startswith("fusion.head.1"):
+                parameter.normal_(std=0.1)
             if key.endswith(("point_head.bias", "association.head.bias")):
                 parameter.add_(3.0)
             if key.endswith("expand.weight"):
@@ -124,13 +127,18 @@ def test_samples_of_a_batch_are_independent(form: tuple[str, dict[str, object]])
 def test_training_reaches_every_parameter_with_finite_gradients(form: tuple[str, dict[str, object]]) -> None:
     network = make_network(*form).train()
     outputs = network.train_outputs(*make_inputs(2, 64, 96, 5))
-    association = outputs.association
+    association, candidates = outputs.association, outputs.candidates
+    assert outputs.depths is not None
+    assert outputs.confidence_logit is not None
+    assert association is not None
+    assert candidates is not None
     assert association.logits.shape[1] == 5
     assert association.columns.shape == (2, 5, association.logits.shape[3])
     assert association.logits.shape[2] == 64 // association.stride
     inside = (association.columns >= 0).unsqueeze(2).expand_as(association.logits)
     loss = outputs.depths.dense.mean() + association.logits[inside].mean() + outputs.confidence_logit.mean()
-    loss.backward()
+    assert candidates.logits.shape == candidates.depth_m.shape == (2, 9, 64, 96)
+    (loss + candidates.logits.mean()).backward()
     for name, parameter in network.named_parameters():
         assert parameter.grad is not None, name
         assert torch.isfinite(parameter.grad).all(), name
@@ -191,7 +199,7 @@ def test_ablation_switches(switches: tuple[bool, bool, bool]) -> None:
 
 
 def test_without_the_ground_prior_the_road_is_ignored() -> None:
-    network = make_network("baff", {"ground_prior": False, "geometric_anchor": False})
+    network = make_network("baff", {"ground_prior": False, "candidates": False})
     image, radar, valid, ground = make_inputs(1, 64, 96, 3)
     with torch.inference_mode():
         torch.testing.assert_close(
@@ -236,12 +244,30 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     assert int(run.stdout) * 1024 < 2e9
 
 
-def test_geometry_alone_is_what_an_idle_head_gives() -> None:
-    """With a head that adds nothing: the flat road, and the nearest return where it is closer."""
-    network = make_network("baff", {})
+def test_parts_that_do_not_learn_have_no_loss_and_no_gradient(form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*form).train()
+    inputs = make_inputs(1, 64, 96, 3)
+    assert network.parts == ("association", "fusion")
+    network.get_submodule("fusion").requires_grad_(False)
+    outputs = network.train_outputs(*inputs)
+    assert outputs.depths is None
+    assert outputs.confidence_logit is None
+    assert outputs.association is not None
+    network.get_submodule("fusion").requires_grad_(True)
+    network.get_submodule("association").requires_grad_(False)
+    outputs = network.train_outputs(*inputs)
+    assert outputs.depths is not None
+    assert outputs.association is None
+    assert outputs.candidates is not None
+
+
+def test_geometry_alone_is_what_an_idle_head_gives(form: tuple[str, dict[str, object]]) -> None:
+    """With a head that always takes the first candidate: the flat road, and the returns where they are closer."""
+    network = make_network(*form)
     with torch.no_grad():
         network.get_parameter("fusion.head.1.weight").zero_()
-        network.get_parameter("fusion.head.1.bias").zero_()
+        bias = network.get_parameter("fusion.head.1.bias").zero_()
+        bias[2] = 50.0
     radar = torch.tensor([[[48.0, 40.0, 8.0, 5.0, 0.0, 0.0]]])
     ground = torch.tensor([[0.0, 1 / 630 / 1.5, 0.0]])
     image = torch.rand(1, 3, 64, 96)
@@ -251,3 +277,25 @@ def test_geometry_alone_is_what_an_idle_head_gives() -> None:
     assert beside[40, 48] == pytest.approx(8.0, rel=1e-3)
     # The road at row 50 is 18.9 m away.
     assert alone[50, 48] == pytest.approx(630 * 1.5 / 50, rel=1e-2)
+
+
+def test_layers_of_returns_go_from_near_to_far() -> None:
+    radar = torch.tensor([[[40.0, 40.0, 30.0, 0, 0, 0], [40.0, 40.0, 10.0, 0, 0, 0], [40.0, 40.0, 20.0, 0, 0, 0]]])
+    valid = torch.tensor([[True, True, True]])
+    _, distance = nearest_returns(radar, valid, 64, 96)
+    layers = return_layers(radar, valid, distance, [0.1, 0.5, 0.9])
+    assert layers.shape == (1, 3, 8, 12)
+    torch.testing.assert_close(layers, torch.tensor([10.0, 20.0, 30.0]).reshape(1, 3, 1, 1).expand_as(layers))
+    only_far = return_layers(radar, torch.tensor([[True, False, False]]), distance, [0.5])
+    assert (only_far == 30.0).all()
+    none = torch.zeros(1, 3, dtype=torch.bool)
+    assert (return_layers(radar, none, nearest_returns(radar, none, 64, 96)[1], [0.5]) == 0).all()
+
+
+def test_a_layer_follows_the_returns_nearby() -> None:
+    radar = torch.tensor([[[8.0, 32.0, 10.0, 0, 0, 0], [88.0, 32.0, 50.0, 0, 0, 0]]])
+    valid = torch.tensor([[True, True]])
+    _, distance = nearest_returns(radar, valid, 64, 96)
+    middle = return_layers(radar, valid, distance, [0.5])[0, 0]
+    assert middle[4, 1] == 10.0
+    assert middle[4, 10] == 50.0

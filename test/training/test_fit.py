@@ -42,7 +42,9 @@ class Miniature(Network):
         )
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        return self.train_outputs(image, radar, valid, ground).depths
+        depths = self.train_outputs(image, radar, valid, ground).depths
+        assert depths is not None
+        return depths
 
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
         raw = self.layers(image).float()
@@ -52,7 +54,7 @@ class Miniature(Network):
             raw[:, 1:2].expand(-1, valid.shape[1], -1, -1), torch.where(valid.unsqueeze(2), column, -1), 1
         )
         confidence = raw[:, 2:]
-        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), association, confidence)
+        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None)
 
 
 CONFIG = TrainingConfig(
@@ -96,10 +98,11 @@ def run(
     resume: bool = False,
     stop_after: int = 10**9,
     network: str = "miniature",
+    initial: Path | None = None,
 ) -> tuple[FitResult, Trainer, Watch]:
     folder.mkdir(exist_ok=True)
     watch = Watch()
-    trainer = Trainer(network, data, config, folder, watch, resume)
+    trainer = Trainer(network, data, config, folder, watch, resume, initial)
     result = trainer.run(Limits(should_stop=lambda: trainer.state.step >= stop_after))
     return result, trainer, watch
 
@@ -164,6 +167,47 @@ def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
     assert result.finished
     assert archive.load(result.archive or "").card.network == "baff"
     assert all(torch.isfinite(value).all() for value in trainer.network.state_dict().values())
+
+
+def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> None:
+    stages = (StageConfig(0.5, 64, 64, 1, ("association",)), StageConfig(0.5, 64, 64, 1, ("fusion",)))
+    config = dataclasses.replace(CONFIG, iterations=2, stages=stages)
+    states: list[dict[str, Tensor]] = []
+    for steps in (0, 1, 2):
+        _, trainer, _ = run(data, tmp_path / "run", config, steps > 0, stop_after=steps, network="baff")
+        states.append({name: value.clone() for name, value in trainer.network.state_dict().items()})
+    for before, after, learning in ((states[0], states[1], "association"), (states[1], states[2], "fusion")):
+        changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
+        assert changed == {learning}
+
+
+def test_a_part_that_a_network_does_not_have_is_refused(tmp_path: Path, data: TrainingData) -> None:
+    config = dataclasses.replace(CONFIG, stages=(StageConfig(1.0, 64, 64, 1, ("fusing",)),))
+    with pytest.raises(
+        TrainingError, match=r"trains 'fusing', which is no part of baff; its parts are association, fu"
+    ):
+        run(data, tmp_path / "run", config, network="baff")
+
+
+def test_a_run_starts_from_weights_that_are_given(tmp_path: Path, data: TrainingData) -> None:
+    first, _, _ = run(data, tmp_path / "first")
+    assert first.archive is not None
+    given = archive.load(first.archive).network.state_dict()
+    _, trainer, _ = run(data, tmp_path / "second", initial=first.archive, stop_after=0)
+    assert all(torch.equal(value, given[name]) for name, value in trainer.network.state_dict().items())
+
+
+def test_weights_of_another_architecture_are_no_start(tmp_path: Path, data: TrainingData) -> None:
+    first, _, _ = run(data, tmp_path / "first")
+    other = dataclasses.replace(CONFIG, architecture={"max_depth_m": 80.0})
+    with pytest.raises(TrainingError, match="differs in max_depth_m"):
+        run(data, tmp_path / "second", other, initial=first.archive)
+    with pytest.raises(TrainingError, match="are of 'miniature'"):
+        run(data, tmp_path / "third", network="baff", initial=first.archive)
+    export = tmp_path / "export.pt"
+    archive.export(archive.load("baff"), export)
+    with pytest.raises(TrainingError, match=r"an export cannot be trained; give the \.safetensors file"):
+        run(data, tmp_path / "fourth", network="baff", initial=export)
 
 
 def test_a_time_limit_ends_a_run(tmp_path: Path, data: TrainingData) -> None:

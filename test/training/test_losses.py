@@ -5,10 +5,11 @@ import math
 import pytest
 import torch
 
-from radcam_depth_ros.networks import Association, Depths, TrainOutputs
+from radcam_depth_ros.networks import Association, Candidates, Depths, TrainOutputs
 from radcam_depth_ros.training.losses import (
     LossConfig,
     association_loss,
+    choice_loss,
     confidence_loss,
     dense_loss,
     log_depth_loss,
@@ -111,10 +112,48 @@ def test_confidence_is_taught_whether_the_depth_is_within_ten_percent() -> None:
     assert not loss.requires_grad  # the depth is taken as it is
 
 
+def choice(logits: list[float], depths_m: list[float], truth_m: float) -> float:
+    """Loss of one pixel."""
+    shape = (1, -1, 1, 1)
+    candidates = Candidates(torch.tensor(logits).reshape(shape), torch.tensor(depths_m).reshape(shape))
+    return float(choice_loss(candidates, torch.full((1, 1, 1, 1), truth_m), 100.0, LossConfig()))
+
+
+def test_choice_is_a_cross_entropy_when_one_candidate_is_right() -> None:
+    assert choice([2.0, -1.0, 0.5], [10.0, 20.0, 50.0], 10.0) == pytest.approx(
+        math.log(math.exp(2.0) + math.exp(-1.0) + math.exp(0.5)) - 2.0, rel=1e-4
+    )
+
+
+def test_choice_counts_a_candidate_that_is_off_by_the_tolerance_as_one_in_e() -> None:
+    right, off = (choice([20.0, -20.0], [10.0, 50.0], truth) for truth in (10.0, 10.0 * math.exp(0.05)))
+    assert (right, off) == (pytest.approx(0.0, abs=1e-5), pytest.approx(1.0, rel=1e-4))
+
+
+def test_choice_takes_the_sky_for_the_farthest_depth_and_leaves_unknown_pixels_out() -> None:
+    assert choice([20.0, -20.0], [100.0, 50.0], INF) == pytest.approx(0.0, abs=1e-5)
+    assert choice([20.0, -20.0], [100.0, 50.0], NAN) == 0.0
+
+
+def test_parts_that_do_not_learn_cost_nothing() -> None:
+    whole = outputs()
+    truth = torch.full((1, 1, 1, 2), 10.0)
+    radar = one_return(10.0)
+    stage_1 = total_loss(TrainOutputs(None, None, whole.association, None), radar, truth, None, 100.0, CONFIG)
+    stage_2 = total_loss(whole._replace(association=None), radar, truth, None, 100.0, CONFIG)
+    assert float(stage_1.total) == pytest.approx(entropy(0, True), rel=1e-6)
+    assert float(stage_1.dense) == 0.0
+    assert float(stage_2.association) == 0.0
+    assert float(stage_2.total) == pytest.approx(3.0 + 0.25 * entropy(0, False), rel=1e-6)
+
+
+CONFIG = LossConfig(accumulated=1.0, single=1.0, log_depth=0.0, confidence=0.25, positive_weight=1.0)
+
+
 def outputs() -> TrainOutputs:
     dense = torch.full((1, 1, 1, 2), 12.0)
     association = Association(torch.zeros(1, 1, 1, 2), torch.tensor([[[0, 1]]]), 1)
-    return TrainOutputs(Depths(dense, dense, dense), association, torch.zeros(1, 1, 1, 2))
+    return TrainOutputs(Depths(dense, dense, dense), torch.zeros(1, 1, 1, 2), association, None)
 
 
 def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
@@ -130,7 +169,9 @@ def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
     assert one.values()["dense"] == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize("wrong", [{"sky": -1.0}, {"association_tolerance_m": 0.0}, {"positive_weight": -2.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"sky": -1.0}, {"association_tolerance_m": 0.0}, {"positive_weight": -2.0}, {"choice": -1.0}]
+)
 def test_wrong_weights_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="must"):
         LossConfig(**wrong)

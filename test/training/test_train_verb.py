@@ -45,8 +45,16 @@ def test_a_network_is_trained_and_trained_on(
     assert yaml.safe_load((run / "run.yaml").read_text())["config"]["iterations"] == 3
     with pytest.raises(RadcamDepthError, match="already holds a run"):
         invoke("--bags", tmp_path / "bags", "--out", run)
-    with pytest.raises(RadcamDepthError, match="takes bags, recipe and seed from the run"):
+    with pytest.raises(RadcamDepthError, match="takes bags, recipe, weights and seed from the run"):
         invoke("--bags", tmp_path / "bags", "--out", run, "--resume")
+
+
+def test_a_run_starts_from_weights(tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]) -> None:
+    make_bags(2)
+    arguments = ("--bags", tmp_path / "bags", "--config", recipe, "--processes", 1)
+    invoke(*arguments, "--out", tmp_path / "run", "--init", "baff")
+    with pytest.raises(RadcamDepthError, match="no weight file at weights"):
+        invoke(*arguments, "--out", tmp_path / "other", "--init", "weights")
 
 
 def test_bags_may_follow_one_option(tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]) -> None:
