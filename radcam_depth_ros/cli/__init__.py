@@ -21,7 +21,7 @@ BAD_INPUT = 2
 app = typer.Typer(
     name="radcam-depth",
     help="Metric depth images from one camera and its radars: simulate, replay, evaluate, train.\n\n"
-    "Example: radcam-depth simulate out/drive --seed 7 --frames 20 && radcam-depth evaluate out/drive --json -",
+    "Example: radcam-depth simulate out/first --seed 7 --frames 20 && radcam-depth evaluate out/first --json -",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

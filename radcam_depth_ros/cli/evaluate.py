@@ -58,8 +58,8 @@ def evaluate(
 
     Ground truth is the exact depth of a simulated drive, or a LiDAR's points.
 
-    Example: radcam-depth simulate out/drive --seed 1000000 --frames 40 &&
-    radcam-depth evaluate out/drive --report out/evaluation.html
+    Example: radcam-depth simulate out/test --seed 1000000 --frames 40 &&
+    radcam-depth evaluate out/test --report out/evaluation.html
     """
     settings = DriveSettings(
         image=image,

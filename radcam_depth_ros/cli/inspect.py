@@ -15,7 +15,7 @@ from radcam_depth_ros.cli.options import Bag, JsonOption, write_json
 def inspect(bag: Bag, json_target: JsonOption = None) -> None:
     """Lists a bag's topics with their rates, and which of them would be taken for camera, radars and ground truth.
 
-    Example: radcam-depth simulate out/drive --seed 7 --frames 20 && radcam-depth inspect out/drive
+    Example: radcam-depth simulate out/seen --seed 7 --frames 20 && radcam-depth inspect out/seen
     """
     with BagReader(bag) as reader:
         seconds = reader.duration_ns / 1e9

@@ -39,7 +39,7 @@ def replay(
 ) -> None:
     """Writes the depth of every image of a bag to another bag, as the live node would, without dropping a frame.
 
-    Example: radcam-depth simulate out/drive --seed 7 --frames 20 && radcam-depth replay out/drive out/depth.mcap
+    Example: radcam-depth simulate out/ride --seed 7 --frames 20 && radcam-depth replay out/ride out/depth.mcap
     """
     settings = DriveSettings(image=image, radars=tuple(radar) if radar else None)
     options = replaying.ReplayOptions(

@@ -36,7 +36,7 @@ from radcam_depth_ros.networks.registry import ArchitectureError, register
 FUSION_CHANNELS = (16, 32, 64, 128, 256)
 
 CANDIDATES = 9
-"""Depths that the head chooses between: see `Baff._candidates`."""
+"""Depths that the head chooses between: see `Baff._image_planes`."""
 
 FAVOURED = 4.0
 """Logit of the first candidate before training: it then weighs as much as fifty others."""
