@@ -110,4 +110,4 @@ def test_ground_truth_that_fits_no_image_is_refused(tmp_path, model, app):
 def test_help_has_an_example(app):
     done = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"})
     assert done.exit_code == 0
-    assert "radcam-depth evaluate out/drive" in done.stdout
+    assert "radcam-depth evaluate out/test" in done.stdout
