@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.files import write_text
-from radcam_depth_ros.networks import registry
+from radcam_depth_ros.networks import archive, registry
 from radcam_depth_ros.training.cache import CacheSettings
 from radcam_depth_ros.training.data import find_bags, load_data
 from radcam_depth_ros.training.fit import RUN_FILE, FitResult, Limits, StepReport, Trainer, TrainingData
@@ -75,7 +75,7 @@ def train(
             )
         plan = _read_plan(out)
     else:
-        plan = _new_plan(out, network, given, validation_bags or [], config, cache, seed)
+        plan = _new_plan(out, network, given, validation_bags or [], config, cache, seed, init)
     if iterations is not None:
         plan["config"]["iterations"] = iterations
     if minutes is not None:
@@ -120,6 +120,7 @@ def _new_plan(
     config: Path | None,
     cache: Path | None,
     seed: int | None,
+    init: str | None,
 ) -> dict[str, Any]:
     """What a run is made of, as its run.yaml has it."""
     if not bags:
@@ -130,6 +131,9 @@ def _new_plan(
     mapping = configuration.as_mapping(recipe)
     if seed is not None:
         mapping["seed"] = seed
+    if init is not None:
+        # The architecture of the weights, tau among it, but for what the recipe says.
+        mapping["architecture"] = {**archive.load(init).card.architecture, **mapping["architecture"]}
     registry.create_config(network, mapping["architecture"])
     return {
         "network": network,

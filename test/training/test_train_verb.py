@@ -53,8 +53,11 @@ def test_a_run_starts_from_weights(tmp_path: Path, recipe: Path, make_bags: Call
     make_bags(2)
     arguments = ("--bags", tmp_path / "bags", "--config", recipe, "--processes", 1)
     invoke(*arguments, "--out", tmp_path / "run", "--init", "baff")
+    start, card = (archive.load(source).card for source in ("baff", tmp_path / "run" / "baff.safetensors"))
+    assert card.architecture == start.architecture
     with pytest.raises(RadcamDepthError, match="no weight file at weights"):
         invoke(*arguments, "--out", tmp_path / "other", "--init", "weights")
+    assert not (tmp_path / "other").exists()
 
 
 def test_bags_may_follow_one_option(tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]) -> None:
