@@ -114,7 +114,6 @@ class Estimator:
         self.card = source.card
         if self.config.threads:
             torch.set_num_threads(self.config.threads)
-        # After the threads are set: with how many of them it is faster is measured.
         self._engine = Engine(source.network, self.config.device, self.config.precision)
         self._plans: dict[CameraModel, CanonicalCamera] = {}
 

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from radcam_depth_ros.networks import Depths
 
 WARM_UP_RETURNS = 8
-CALLS_TO_SPECIALISE = 3
+CALLS_TO_SPECIALISE = 2
 
 
 def forward(

@@ -23,7 +23,7 @@ WORTH = 1.1
 BUDGET_S = 0.2
 """The measurement ends after this time, if it has taken `MIN_ROUNDS`."""
 
-MIN_ROUNDS, MAX_ROUNDS = 3, 25
+MIN_ROUNDS = 3
 
 LAYERS = ((32, 112, 200), (128, 28, 50))
 """Channels, rows and columns of the convolutions that are timed: a fine and a coarse level of an encoder."""
@@ -81,7 +81,7 @@ def choose(precision: str, device: torch.device) -> NumberFormat:
         return NumberFormat(torch.float32, "the GPU does not compute in bfloat16")
     if device.type != "cpu" or not processor_has_bfloat16():
         return NumberFormat(torch.float32, f"the {device.type.upper()} does not compute in bfloat16")
-    gain = speedup_of_bfloat16(torch.get_num_threads())
+    gain = speedup_of_bfloat16()
     if gain >= WORTH:
         return NumberFormat(torch.bfloat16, f"measured: {gain:.1f} times as fast as float32")
     return NumberFormat(torch.float32, f"measured: bfloat16 {gain:.1f} times as fast")
@@ -97,26 +97,32 @@ def processor_has_bfloat16() -> bool:
 
 
 @functools.cache
-def speedup_of_bfloat16(threads: int) -> float:
+def speedup_of_bfloat16() -> float:
     """How many times as fast as in float32 this processor convolves in bfloat16, measured once a process.
 
-    Args:
-        threads: `torch.get_num_threads()`: with another number of them it is measured again.
+    Measured on one thread, by the time that it had on a processor: the wall clock of several threads says little while
+    other processes are busy, as they are when a vehicle starts.
     """
-    with torch.inference_mode():
-        steps = {dtype: _layers(dtype) for dtype in (torch.float32, torch.bfloat16)}
-        times: dict[torch.dtype, list[float]] = {dtype: [] for dtype in steps}
-        # The first calls build their kernels.
-        for step in steps.values():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.inference_mode():
+            return _measure({dtype: _layers(dtype) for dtype in (torch.float32, torch.bfloat16)})
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _measure(steps: dict[torch.dtype, Callable[[], None]]) -> float:
+    times: dict[torch.dtype, list[float]] = {dtype: [] for dtype in steps}
+    # The first calls build their kernels.
+    for step in steps.values():
+        step()
+    end_s = time.thread_time() + BUDGET_S
+    while len(times[torch.float32]) < MIN_ROUNDS or time.thread_time() < end_s:
+        for dtype, step in steps.items():
+            start_s = time.thread_time()
             step()
-        end_s = time.perf_counter() + BUDGET_S
-        for index in range(MAX_ROUNDS):
-            if index >= MIN_ROUNDS and time.perf_counter() > end_s:
-                break
-            for dtype, step in steps.items():
-                start_s = time.perf_counter()
-                step()
-                times[dtype].append(time.perf_counter() - start_s)
+            times[dtype].append(time.thread_time() - start_s)
     return statistics.median(times[torch.float32]) / statistics.median(times[torch.bfloat16])
 
 

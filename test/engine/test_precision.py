@@ -22,7 +22,7 @@ def test_auto_takes_bfloat16_where_it_is_worth_it(
     monkeypatch: pytest.MonkeyPatch, has_bfloat16: bool, gain: float, expected: str, reason: str
 ) -> None:
     monkeypatch.setattr(precision, "processor_has_bfloat16", lambda: has_bfloat16)
-    monkeypatch.setattr(precision, "speedup_of_bfloat16", lambda threads: gain)
+    monkeypatch.setattr(precision, "speedup_of_bfloat16", lambda: gain)
     chosen = choose("auto", CPU)
     assert (chosen.name, chosen.reason) == (expected, reason)
 
@@ -46,8 +46,14 @@ def test_others_are_refused() -> None:
         NumberFormat(torch.float64, "")
 
 
-def test_the_measurement_is_made_once_for_a_number_of_threads() -> None:
-    gain = speedup_of_bfloat16(torch.get_num_threads())
+def test_the_measurement_is_made_once_and_leaves_the_threads_as_they_are() -> None:
+    threads = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        gain = speedup_of_bfloat16()
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
     assert gain > 0
-    assert speedup_of_bfloat16(torch.get_num_threads()) == gain
+    assert speedup_of_bfloat16() == gain
     assert isinstance(processor_has_bfloat16(), bool)
