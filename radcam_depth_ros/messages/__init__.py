@@ -27,7 +27,7 @@ from radcam_depth_ros.messages.images import (
     decode_image,
 )
 from radcam_depth_ros.messages.radar import DEFAULT_ALIASES, FieldAliases, RadarReading, decode_radar
-from radcam_depth_ros.messages.rectify import Rectifier
+from radcam_depth_ros.messages.calibration import Calibration
 from radcam_depth_ros.messages.transforms import (
     OdometryReading,
     StampedTransform,
@@ -50,7 +50,7 @@ __all__ = [
     "OdometryReading",
     "PointsReading",
     "RadarReading",
-    "Rectifier",
+    "Calibration",
     "StampedTransform",
     "colorise",
     "decode_classes",
