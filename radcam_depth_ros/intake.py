@@ -12,9 +12,9 @@ import numpy as np
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import RigidTransform, TransformTree, ground_plane
 from radcam_depth_ros.messages import (
+    Calibration,
     ImageReading,
     RadarReading,
-    Calibration,
     decode_image,
     decode_radar,
     decode_transforms,

@@ -121,7 +121,9 @@ class Pipeline(Intake):
         """
         return self.encode(frame, self._estimator.estimate(frame), preview=preview, points=points)
 
-    def encode(self, frame: Frame, result: DepthResult, *, preview: bool = False, points: bool = False) -> DepthMessages:
+    def encode(
+        self, frame: Frame, result: DepthResult, *, preview: bool = False, points: bool = False
+    ) -> DepthMessages:
         """Writes a frame's depth as messages; the depth images' memory becomes theirs.
 
         Args:

@@ -16,8 +16,9 @@ from typing import Any
 from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.drive import DriveSettings, prime
-from radcam_depth_ros.estimator import Depths, Estimator, NetworkInputs
+from radcam_depth_ros.estimator import Estimator, NetworkInputs
 from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
+from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS, Pipeline, PipelineConfig
 
 _FRAMES_UNDER_WAY = 2
@@ -97,7 +98,9 @@ def replay(
         now_ns = 0
         with (
             BagWriter(target, overwrite=options.overwrite, compress=options.compress) as writer,
-            _Line(pipeline, estimator, writer, options, lambda done: progress(done, images) if progress else None) as line,
+            _Line(
+                pipeline, estimator, writer, options, lambda done: progress(done, images) if progress else None
+            ) as line,
         ):
             for message in reader.messages(None if options.passthrough else sensors):
                 now_ns = message.log_time_ns

@@ -72,14 +72,17 @@ def _maps(plan: CanonicalCamera, lens: Lens | None, factor: int) -> tuple[npt.ND
         (scaled.width, scaled.height),
         cv2.CV_32FC1,
     )
-    padded = []
-    for place, size in zip(places, (source.width, source.height), strict=True):
+    rows, columns = network.height - scaled.height, network.width - scaled.width
+
+    def padded(place: npt.NDArray[np.float32], size: int) -> npt.NDArray[np.float32]:
         # What lies in the outer half of a pixel at the border has that pixel's colour, not a mixture with black.
         is_inside = (place > -0.5 - _ROUNDING_PX) & (place < size / factor - 0.5 + _ROUNDING_PX)
         clipped = np.where(is_inside, np.clip(place, 0, size // factor - 1), place)
-        rows, columns = network.height - scaled.height, network.width - scaled.width
-        padded.append(cv2.copyMakeBorder(clipped, 0, rows, 0, columns, cv2.BORDER_REPLICATE))
-    coordinates, fractions = cv2.convertMaps(*padded, cv2.CV_16SC2)
+        bordered: npt.NDArray[np.float32] = cv2.copyMakeBorder(clipped, 0, rows, 0, columns, cv2.BORDER_REPLICATE)
+        return bordered
+
+    u, v = padded(places[0], source.width), padded(places[1], source.height)
+    coordinates, fractions = cv2.convertMaps(u, v, cv2.CV_16SC2)
     return coordinates, fractions
 
 
@@ -120,7 +123,9 @@ def enlarge_nearest(values: FloatArray, plan: CanonicalCamera, camera: CameraMod
     rows = ((np.arange(camera.height) + 0.5) * row_scale).astype(np.intp)
     columns = ((np.arange(camera.width) + 0.5) * column_scale).astype(np.intp)
     # The small map becomes wide before it becomes high: whole rows are copied then. "clip" spares numpy a second copy.
-    return values.take(columns, axis=1).take(rows, axis=0, out=_outgoing(camera), mode="clip")
+    result = _outgoing(camera)
+    values.take(columns, axis=1).take(rows, axis=0, out=result, mode="clip")
+    return result
 
 
 def _outgoing(camera: CameraModel) -> FloatArray:

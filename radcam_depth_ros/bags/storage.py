@@ -38,8 +38,8 @@ class LargeMessageStorage(McapWriter):  # type: ignore[misc]  # rosbags is read 
             return
         if self.chunk.bio.tell():  # holds the channel, where this is its first message
             self.close_chunk()
-        self.message_start_time = min(timestamp, self.message_start_time)
-        self.message_end_time = max(timestamp, self.message_end_time)
+        self.message_start_time: int = min(timestamp, self.message_start_time)
+        self.message_end_time: int = max(timestamp, self.message_end_time)
         self.channel_stats[connection.id] += 1
         times, size = (timestamp, timestamp), _MESSAGE.size + len(data)
         start = self.bio.tell()

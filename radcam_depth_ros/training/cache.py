@@ -15,7 +15,6 @@ from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
-import torch
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.drive import DriveSettings, Sample, read_samples
@@ -97,7 +96,6 @@ def build_drive(bag: Path, place: Path, settings: CacheSettings) -> None:
     Raises:
         TrainingError: when no frame of the bag has ground truth, the image size changes within it, or the disk is full.
     """
-    torch.set_num_threads(1)
     partial = place.with_name(place.name + ".part")
     shutil.rmtree(partial, ignore_errors=True)
     try:

@@ -8,8 +8,8 @@ from hypothesis.extra import numpy as npst
 
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import (
-    MessageError,
     Calibration,
+    MessageError,
     colorise,
     decode_classes,
     decode_depth,
