@@ -18,7 +18,7 @@ from radcam_depth_ros.evaluation.report import write_report
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.evaluation.tables import Fact, Table, tables_of
 from radcam_depth_ros.frame import DepthResult, Frame
-from radcam_depth_ros.messages import Rectifier, decode_depth
+from radcam_depth_ros.messages import Calibration, decode_depth
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS
 
 DEPTH = f"/{OUTPUT_TOPICS['depth']}"
@@ -82,7 +82,7 @@ class RecordedDepth:
         if self._next is None or self._next[0] != frame.stamp_ns or len(self._next[1]) < 4:
             return None
         found = self._next[1]
-        camera = Rectifier(found[CAMERA_INFO]).camera
+        camera = Calibration(found[CAMERA_INFO]).camera
         dense, semi_dense, confidence = (
             decode_depth(found[topic]).depth_m for topic in (DEPTH, SEMI_DENSE, CONFIDENCE)
         )

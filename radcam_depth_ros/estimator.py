@@ -6,14 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import Tensor
-from torch.nn import functional
 
 from radcam_depth_ros.engine import PRECISIONS, Engine
-from radcam_depth_ros.frame import CameraModel, DepthResult, FloatArray, Frame, RadarReturns, RadcamDepthError
+from radcam_depth_ros.frame import (
+    CameraModel,
+    DepthResult,
+    FloatArray,
+    Frame,
+    ImageArray,
+    RadarReturns,
+    RadcamDepthError,
+)
 from radcam_depth_ros.geometry import CanonicalCamera, ground_coefficients, project
-from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.archive import Archive
+from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, resample_image
 
 OUTPUT_SIZES = ("native", "network")
 
@@ -51,27 +58,23 @@ class EstimatorConfig:
             raise EstimatorError(f"threads must be 0 (torch's choice) or more, got {self.threads}")
 
 
-def resample_image(image: Tensor, canonical: CanonicalCamera) -> Tensor:
-    """Scales and pads an image for the network.
+@dataclass(frozen=True)
+class NetworkInputs:
+    """A frame as the network takes it.
 
-    Args:
-        image: (H, W, 3) uint8 at the size of `canonical.source`.
-        canonical: The plan.
-
-    Returns:
-        (3, H', W') uint8 at the size of `canonical.network`; the padding repeats the last row and column.
+    Attributes:
+        frame: What it was made from.
+        plan: How the frame's camera is brought to the network.
+        image: (H, W, 3) uint8 RGB, contiguous, at the size of `plan.network`.
+        radar: (N, 6) float32, columns of `networks.RADAR_COLUMNS`.
+        ground: (3,) float32, see `geometry.ground_coefficients`.
     """
-    scaled, network = canonical.scaled, canonical.network
-    planes = image.permute(2, 0, 1).unsqueeze(0)
-    if (scaled.height, scaled.width) != tuple(planes.shape[2:]):
-        planes = functional.interpolate(planes, (scaled.height, scaled.width), mode="bilinear", antialias=True)
-    rows = torch.arange(network.height, device=image.device).clamp(max=scaled.height - 1)
-    columns = torch.arange(network.width, device=image.device).clamp(max=scaled.width - 1)
-    if network.height != scaled.height:
-        planes = planes.index_select(2, rows)
-    if network.width != scaled.width:
-        planes = planes.index_select(3, columns)
-    return planes[0]
+
+    frame: Frame
+    plan: CanonicalCamera
+    image: ImageArray
+    radar: FloatArray
+    ground: FloatArray
 
 
 def radar_columns(radar: RadarReturns, camera: CameraModel, max_depth_m: float) -> FloatArray:
@@ -140,38 +143,54 @@ class Estimator:
         self._engine.warm_up(network.height, network.width)
 
     def estimate(self, frame: Frame) -> DepthResult:
-        """Estimates the depth of a frame.
+        """Estimates the depth of a frame: `prepare`, `run` and `finish`, which may also run in a thread each.
 
         Raises:
             GeometryError: when the camera's image cannot be brought to the network's focal length.
             EstimatorError: when the network's depth is not finite.
         """
+        inputs = self.prepare(frame)
+        return self.finish(inputs, self.run(inputs))
+
+    def prepare(self, frame: Frame) -> NetworkInputs:
+        """Brings a frame to the network's focal length.
+
+        Raises:
+            GeometryError: when that cannot be.
+        """
         plan = self.plan(frame.camera)
-        columns = radar_columns(frame.radar, plan.network, self.card.max_depth_m)
+        return NetworkInputs(
+            frame,
+            plan,
+            resample_image(frame.image, plan, frame.lens),
+            radar_columns(frame.radar, plan.network, self.card.max_depth_m),
+            ground_coefficients(frame.ground, plan.network),
+        )
+
+    def run(self, inputs: NetworkInputs) -> Depths:
+        """Runs the network; each map (1, 1, h, w) float32 on the CPU, of the network's size or smaller by a factor."""
         with torch.inference_mode():
-            image = resample_image(torch.from_numpy(np.require(frame.image, requirements=["C", "W"])), plan)
-            dense, semi_dense, confidence = self._engine.run(
-                image.permute(1, 2, 0).contiguous(),
-                torch.from_numpy(columns),
-                torch.from_numpy(ground_coefficients(frame.ground, plan.network)),
-            )
-            if not bool(torch.isfinite(dense).all()):
-                raise EstimatorError("the network gave a depth that is not finite; its weights do not fit these inputs")
-            camera = plan.scaled if self.config.output_size == "network" else plan.source
-            return DepthResult(
-                frame.stamp_ns,
-                frame.frame_id,
-                camera,
-                _resample_back(dense, plan, camera, "bilinear"),
-                _resample_back(semi_dense, plan, camera, "nearest-exact"),
-                _resample_back(confidence, plan, camera, "bilinear"),
-                len(columns),
-            )
+            arrays = (inputs.image, inputs.radar, inputs.ground)
+            return self._engine.run(*(torch.from_numpy(values) for values in arrays))
 
+    def finish(self, inputs: NetworkInputs, depths: Depths) -> DepthResult:
+        """Brings the network's maps to the size that is asked for.
 
-def _resample_back(maps: Tensor, plan: CanonicalCamera, camera: CameraModel, mode: str) -> FloatArray:
-    cropped = maps[:, :, : plan.scaled.height, : plan.scaled.width].float()
-    if (camera.height, camera.width) != tuple(cropped.shape[2:]):
-        cropped = functional.interpolate(cropped, (camera.height, camera.width), mode=mode)
-    result: FloatArray = cropped[0, 0].contiguous().cpu().numpy()
-    return result
+        Raises:
+            EstimatorError: when the network's depth is not finite.
+        """
+        frame, plan = inputs.frame, inputs.plan
+        dense, semi_dense, confidence = (values[0, 0].numpy() for values in depths)
+        # At the network's size: what is made of finite values between them is finite as well.
+        if not np.isfinite(dense).all():
+            raise EstimatorError("the network gave a depth that is not finite; its weights do not fit these inputs")
+        camera = plan.scaled if self.config.output_size == "network" else plan.source
+        return DepthResult(
+            frame.stamp_ns,
+            frame.frame_id,
+            camera,
+            enlarge_smooth(dense, plan, camera),
+            enlarge_nearest(semi_dense, plan, camera),
+            enlarge_smooth(confidence, plan, camera),
+            len(inputs.radar),
+        )

@@ -1,4 +1,4 @@
-"""The values that cross rooms: camera, radar returns, frame, depth result.
+"""The values that cross rooms: camera, lens, radar returns, frame, depth result.
 
 Conventions, used everywhere: depth is metres along the camera's optical axis (REP 118); camera axes are x right,
 y down, z forward (REP 103, optical frame); "no value" is NaN in float images (REP 117), and +inf is "beyond the range".
@@ -57,6 +57,30 @@ class CameraModel:
     def matrix(self) -> npt.NDArray[np.float64]:
         """K, (3, 3) float64."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Lens:
+    """How an image as it was published differs from that of its ideal camera; pixel centres are at whole numbers.
+
+    Attributes:
+        matrix: K of the published image, 9 numbers row by row.
+        rotation: R, from the published to the ideal camera's axes, 9 numbers row by row.
+        model: `plumb_bob`, `rational_polynomial` or `equidistant`; empty where only K and R differ.
+        distortion: The model's coefficients in OpenCV's order.
+    """
+
+    matrix: tuple[float, ...]
+    rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    model: str = ""
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.matrix) != 9 or len(self.rotation) != 9:
+            raise FrameError(
+                f"a lens needs 9 numbers of K and 9 of R, got {len(self.matrix)} and {len(self.rotation)}; give both "
+                "matrices row by row"
+            )
 
 
 @dataclass(frozen=True)
@@ -146,11 +170,13 @@ class Frame:
     Attributes:
         stamp_ns: The image's stamp, nanoseconds.
         frame_id: The camera's optical frame.
-        image: (H, W, 3) uint8 RGB, rectified.
+        image: (H, W, 3) uint8 RGB as it was published: rectified already where `lens` is None, else see
+            `resampling.rectify`.
         camera: The rectified camera; its size is the image's.
         radar: Returns in the camera's frame; may be empty.
         ground: The flat road, unknown by default.
         radar_counts: How many of the returns are of each radar, in the order of `radar`; empty where nobody asked.
+        lens: How the image differs from the camera's; None where it does not.
     """
 
     stamp_ns: int
@@ -160,6 +186,7 @@ class Frame:
     radar: RadarReturns
     ground: GroundPlane = field(default_factory=GroundPlane)
     radar_counts: tuple[int, ...] = ()
+    lens: Lens | None = None
 
     def __post_init__(self) -> None:
         expected = (self.camera.height, self.camera.width, 3)

@@ -116,6 +116,8 @@ class TransformTree:
 
     def __init__(self) -> None:
         self._parent: dict[str, tuple[str, RigidTransform]] = {}
+        # Asked for again with each sweep and image, while a vehicle's frames seldom change.
+        self._found: dict[tuple[str, str], RigidTransform] = {}
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -142,10 +144,13 @@ class TransformTree:
                 )
             ancestor = self._parent[ancestor][0] if ancestor in self._parent else None
         self._parent[child] = (parent, parent_from_child)
+        self._found.clear()
 
     def can_transform(self, target_frame: str, source_frame: str) -> bool:
         """Whether `lookup` would succeed."""
         target, source = target_frame.lstrip("/"), source_frame.lstrip("/")
+        if (target, source) in self._found:
+            return True
         frames = self.frames
         return target == source or (
             target in frames and source in frames and self._chain(target)[0] == self._chain(source)[0]
@@ -160,6 +165,8 @@ class TransformTree:
         target, source = target_frame.lstrip("/"), source_frame.lstrip("/")
         if target == source:
             return RigidTransform.identity()
+        if (target, source) in self._found:
+            return self._found[target, source]
         frames = self.frames
         for frame in (target, source):
             if frame not in frames:
@@ -177,7 +184,8 @@ class TransformTree:
                 f"no transform from {source!r} to {target!r}: they are in two trees, below {source_root!r} and "
                 f"{target_root!r}; publish the link between these on /tf_static"
             )
-        return root_from_target.inverse() @ root_from_source
+        found = self._found[target, source] = root_from_target.inverse() @ root_from_source
+        return found
 
     def _chain(self, frame: str) -> tuple[str, RigidTransform]:
         root, root_from_frame = frame, RigidTransform.identity()

@@ -12,9 +12,9 @@ import numpy as np
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import RigidTransform, TransformTree, ground_plane
 from radcam_depth_ros.messages import (
+    Calibration,
     ImageReading,
     RadarReading,
-    Rectifier,
     decode_image,
     decode_radar,
     decode_transforms,
@@ -92,7 +92,7 @@ class Intake:
         self.config = config
         self.transforms = TransformTree()
         self.dropped_returns = dict.fromkeys(config.radars, 0)
-        self._rectifier: Rectifier | None = None
+        self._calibration: Calibration | None = None
         self._pairer: Pairer[ImageReading, RadarReading] = Pairer(config.radars, config.pairing)
         self._ready: deque[Pair[ImageReading, RadarReading]] = deque()
         self._fixed_extrinsics = tuple(
@@ -103,7 +103,7 @@ class Intake:
     @property
     def camera(self) -> CameraModel | None:
         """The rectified camera; None until camera_info came."""
-        return self._rectifier.camera if self._rectifier else None
+        return self._calibration.camera if self._calibration else None
 
     @property
     def counts(self) -> PairingCounts:
@@ -132,9 +132,9 @@ class Intake:
             self.dropped_returns[topic] = sweep.dropped
             return self._frames(self._pairer.add_sweep(topic, sweep.stamp_ns, sweep, now_ns))
         if topic == self.config.camera_info:
-            if self._rectifier is None or not self._rectifier.matches(message):
-                self._rectifier = None
-                self._rectifier = Rectifier(message, image_is_rectified=self.config.image_is_rectified)
+            if self._calibration is None or not self._calibration.matches(message):
+                self._calibration = None
+                self._calibration = Calibration(message, image_is_rectified=self.config.image_is_rectified)
         elif topic in TRANSFORM_TOPICS:
             for link in decode_transforms(message):
                 self.transforms.set(link.parent_frame, link.child_frame, link.parent_from_child)
@@ -169,7 +169,7 @@ class Intake:
         return tuple(frames)
 
     def _frame(self, pair: Pair[ImageReading, RadarReading]) -> Frame:
-        if self._rectifier is None:
+        if self._calibration is None:
             raise IntakeError(
                 f"an image came on {self.config.image!r} but no usable camera_info on {self.config.camera_info!r}; "
                 "publish the camera's calibration there, or set the topic's name"
@@ -181,7 +181,7 @@ class Intake:
                 f"the images on {self.config.image!r} have an empty frame_id; set it in the driver, or set the "
                 "parameter camera_frame"
             )
-        image = self._rectifier.apply(reading.image)
+        self._calibration.check_size(reading.image)
         parts = tuple(
             RadarReturns.empty() if sweep is None else self._in_camera(index, sweep, frame_id, offset or 0.0)
             for index, (sweep, offset) in enumerate(zip(pair.sweeps, pair.offsets_s, strict=True))
@@ -189,11 +189,12 @@ class Intake:
         return Frame(
             reading.stamp_ns,
             frame_id,
-            image,
-            self._rectifier.camera,
+            reading.image,
+            self._calibration.camera,
             RadarReturns.concatenate(parts),
             self._ground(frame_id),
             tuple(len(part) for part in parts),
+            self._calibration.lens,
         )
 
     def _in_camera(self, index: int, sweep: RadarReading, camera_frame: str, offset_s: float) -> RadarReturns:

@@ -8,10 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, ImageArray, RadcamDepthError
+from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.intake import Intake, IntakeConfig
 from radcam_depth_ros.messages import (
     DEPTH_ENCODINGS,
@@ -22,6 +21,7 @@ from radcam_depth_ros.messages import (
     encode_depth,
     encode_preview,
 )
+from radcam_depth_ros.resampling import rectify, resample_image
 
 OUTPUT_TOPICS = {
     "depth": "depth/image_rect",
@@ -123,7 +123,19 @@ class Pipeline(Intake):
         Raises:
             RadcamDepthError: when the network cannot be given this frame.
         """
-        result = self._estimator.estimate(frame)
+        return self.encode(frame, self._estimator.estimate(frame), preview=preview, points=points)
+
+    def encode(
+        self, frame: Frame, result: DepthResult, *, preview: bool = False, points: bool = False
+    ) -> DepthMessages:
+        """Writes a frame's depth as messages; the depth images' memory becomes theirs.
+
+        Args:
+            frame: The frame.
+            result: What was estimated of it.
+            preview: Whether to draw the depth in colours.
+            points: Whether to make a point cloud.
+        """
         factory, config, stamp = self._factory, self._output, (frame.stamp_ns, frame.frame_id)
         camera_info = encode_camera_info(factory, result.camera, *stamp)
         return DepthMessages(
@@ -143,10 +155,7 @@ class Pipeline(Intake):
 
 
 def _image_at(frame: Frame, camera: CameraModel) -> ImageArray:
-    """The frame's image at the size of the depth, for colours only: nearest pixels."""
-    if (camera.height, camera.width) == frame.image.shape[:2]:
-        return frame.image
-    rows = np.arange(camera.height) * frame.image.shape[0] // camera.height
-    columns = np.arange(camera.width) * frame.image.shape[1] // camera.width
-    image: ImageArray = frame.image[rows[:, None], columns[None, :]]
-    return image
+    """The frame's image at the size of the depth, for colours only."""
+    if camera == frame.camera:
+        return rectify(frame.image, camera, frame.lens)
+    return resample_image(frame.image, CanonicalCamera(frame.camera, camera, camera), frame.lens)

@@ -1,17 +1,29 @@
-"""A bag through the pipeline, offline: every frame, in order, the same depth as in the live node."""
+"""A bag through the pipeline, offline: every frame, in order, the same depth as in the live node.
+
+Reading, the network and writing have a thread each, so that the network need not wait for the other two.
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
-from radcam_depth_ros.bags import BagReader, BagWriter, factory
+from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.drive import DriveSettings, prime
-from radcam_depth_ros.estimator import Estimator
-from radcam_depth_ros.frame import Frame, RadcamDepthError
+from radcam_depth_ros.estimator import Estimator, NetworkInputs
+from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
+from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS, Pipeline, PipelineConfig
+
+_FRAMES_UNDER_WAY = 2
+"""One that the network is given while another is written; more would only cost memory."""
+_MESSAGES_UNDER_WAY = 64
 
 
 @dataclass(frozen=True)
@@ -25,6 +37,7 @@ class ReplayOptions:
         preview: Write the preview too.
         points: Write the point cloud too.
         overwrite: Replace a bag that is there.
+        compress: Compress the output (zstd): about half the size, and more work than all else but the network.
     """
 
     namespace: str = "/"
@@ -33,6 +46,7 @@ class ReplayOptions:
     preview: bool = False
     points: bool = False
     overwrite: bool = False
+    compress: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,39 +93,111 @@ def replay(
         config = PipelineConfig(**settings.intake(topics).__dict__, depth_encoding=options.depth_encoding)
         pipeline = Pipeline(config, estimator, factory)
         prime(reader, pipeline, topics)
-        images, done, without_radar = reader.count([topics.image]), 0, 0
-        wanted = None if options.passthrough else {topics.image, topics.camera_info, *topics.radars}
+        images = reader.count([topics.image])
+        sensors = {topics.image, topics.camera_info, *topics.radars}
         now_ns = 0
-        with BagWriter(target, overwrite=options.overwrite) as writer:
-            for message in reader.messages(wanted):
+        with (
+            BagWriter(target, overwrite=options.overwrite, compress=options.compress) as writer,
+            _Line(
+                pipeline, estimator, writer, options, lambda done: progress(done, images) if progress else None
+            ) as line,
+        ):
+            for message in reader.messages(None if options.passthrough else sensors):
                 now_ns = message.log_time_ns
                 if options.passthrough:
-                    writer.copy(message)
+                    line.copy(message)
                 frames = pipeline.expire(now_ns)
-                if message.topic in (topics.image, topics.camera_info, *topics.radars):
+                if message.topic in sensors:
                     try:
                         frames += pipeline.accept(message.topic, message.message, now_ns)
                     except RadcamDepthError as error:
-                        raise type(error)(f"{message.topic}, {done} frames into the bag: {error}") from error
+                        raise type(error)(f"{message.topic}, {line.taken} frames into the bag: {error}") from error
                 for frame in frames:
-                    without_radar += _write(writer, pipeline, frame, now_ns, options)
-                    done += 1
-                    if progress is not None:
-                        progress(done, images)
+                    line.process(frame, now_ns)
             for frame in pipeline.flush():
-                without_radar += _write(writer, pipeline, frame, now_ns, options)
-                done += 1
-                if progress is not None:
-                    progress(done, images)
-    return ReplaySummary(topics, images, done, without_radar)
+                line.process(frame, now_ns)
+    return ReplaySummary(topics, images, line.done, line.without_radar)
 
 
-def _write(writer: BagWriter, pipeline: Pipeline, frame: Frame, now_ns: int, options: ReplayOptions) -> bool:
-    """Writes one frame's depth; says whether the network was given no radar return."""
-    messages = pipeline.process(frame, preview=options.preview, points=options.points)
-    prefix = options.namespace.rstrip("/") + "/"
-    for name, topic in OUTPUT_TOPICS.items():
-        message = getattr(messages, name)
-        if message is not None:
-            writer.write(prefix + topic, message, now_ns)
-    return messages.result.radar_in_view == 0
+class _Line:
+    """Runs the network in one thread and writes in another, while the caller's reads on; all in the caller's order.
+
+    At the end of a `with` block everything is written; what failed first is raised first.
+
+    Args:
+        pipeline: Encodes.
+        estimator: Runs the network.
+        writer: Writes.
+        options: What is written.
+        progress: Called with the number of frames that are done.
+
+    Attributes:
+        taken: Frames taken in.
+        done: Frames written.
+        without_radar: Those of them that had no radar return in view.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        estimator: Estimator,
+        writer: BagWriter,
+        options: ReplayOptions,
+        progress: Callable[[int], None],
+    ) -> None:
+        self._pipeline, self._estimator, self._writer = pipeline, estimator, writer
+        self._options, self._progress = options, progress
+        self._network, self._writing = ThreadPoolExecutor(1, "network"), ThreadPoolExecutor(1, "writing")
+        self._waiting: deque[Future[DepthResult | None]] = deque()
+        self.taken = self.done = self.without_radar = 0
+
+    def __enter__(self) -> _Line:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            # An error of the input comes after the frames before it, as it would without threads.
+            if error is None or isinstance(error, RadcamDepthError):
+                while self._waiting:
+                    self._take_out()
+        finally:
+            self._network.shutdown(cancel_futures=True)
+            self._writing.shutdown(cancel_futures=True)
+
+    def copy(self, message: BagMessage) -> None:
+        """Writes a message of the input as it is."""
+        self._put(self._writing.submit(self._writer.copy, message))
+
+    def process(self, frame: Frame, now_ns: int) -> None:
+        """Estimates and writes a frame's depth; returns when there is room for another."""
+        inputs = self._estimator.prepare(frame)
+        depths = self._network.submit(self._estimator.run, inputs)
+        self.taken += 1
+        self._put(self._writing.submit(self._write, inputs, depths, now_ns))
+        while self.taken - self.done > _FRAMES_UNDER_WAY:
+            self._take_out()
+
+    def _put(self, written: Future[Any]) -> None:
+        self._waiting.append(written)
+        if len(self._waiting) > _MESSAGES_UNDER_WAY:
+            self._take_out()
+
+    def _take_out(self) -> None:
+        result = self._waiting.popleft().result()
+        if result is not None:
+            self.done += 1
+            self.without_radar += result.radar_in_view == 0
+            self._progress(self.done)
+
+    def _write(self, inputs: NetworkInputs, depths: Future[Depths], now_ns: int) -> DepthResult:
+        result = self._estimator.finish(inputs, depths.result())
+        options = self._options
+        messages = self._pipeline.encode(inputs.frame, result, preview=options.preview, points=options.points)
+        prefix = options.namespace.rstrip("/") + "/"
+        for name, topic in OUTPUT_TOPICS.items():
+            message = getattr(messages, name)
+            if message is not None:
+                self._writer.write(prefix + topic, message, now_ns)
+        return result

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor, nn
 
-from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, radar_columns, resample_image
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, radar_columns
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera, GeometryError
 from radcam_depth_ros.networks import Depths
@@ -38,6 +38,16 @@ class GivesTheRoad(nn.Module):
         inverse = ground[:, 0] * u + ground[:, 1] * v + ground[:, 2]
         dense = (1.0 / inverse.clamp(min=0.02)).nan_to_num(50.0) * torch.ones_like(image[:, :1])
         return Depths(dense, dense, torch.ones_like(dense))
+
+
+class GivesCoarseMaps(nn.Module):
+    """Maps of a quarter of the size, NaN in semi-dense ones but for one value."""
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        dense = torch.full_like(image[:, :1, ::4, ::4], 7.0)
+        semi_dense = torch.full_like(dense, float("nan"))
+        semi_dense[:, :, 1, 2] = 5.0
+        return Depths(dense, semi_dense, dense)
 
 
 class GivesNaN(nn.Module):
@@ -110,15 +120,6 @@ def test_the_networks_own_size() -> None:
     assert result.camera.width == 160
 
 
-def test_an_image_that_needs_no_scaling_is_only_padded() -> None:
-    plan = CanonicalCamera.plan(CameraModel(40, 33, FOCAL, FOCAL, 20, 16), FOCAL)
-    image = torch.randint(0, 255, (33, 40, 3), dtype=torch.uint8)
-    resampled = resample_image(image, plan)
-    assert resampled.shape == (3, 64, 64)
-    torch.testing.assert_close(resampled[:, :33, :40], image.permute(2, 0, 1))
-    torch.testing.assert_close(resampled[:, 60, :40], image.permute(2, 0, 1)[:, 32])
-
-
 def test_radar_columns_leave_out_what_cannot_be_seen() -> None:
     camera = CameraModel(64, 32, 100, 100, 32, 16)
     points = [[0, 0, 10], [0, 0, -10], [0, 0, 0], [0, 0, 150], [100, 0, 10], [0.1, 0, 20]]
@@ -126,6 +127,14 @@ def test_radar_columns_leave_out_what_cannot_be_seen() -> None:
     np.testing.assert_allclose(columns[:, 2], [10, 20])
     np.testing.assert_allclose(columns[0, :3], [32, 16, 10])
     assert np.isnan(columns[:, 3:]).all()
+
+
+def test_maps_of_a_quarter_of_the_size() -> None:
+    camera = CameraModel(64, 32, FOCAL, FOCAL, 32, 16)
+    result = estimator(GivesCoarseMaps()).estimate(frame(camera, np.zeros((32, 64, 3), np.uint8)))
+    assert (result.dense == 7).all()
+    assert (result.semi_dense[4:8, 8:12] == 5).all()
+    assert np.isfinite(result.semi_dense).sum() == 16  # NaN does not bleed, nor do values
 
 
 def test_a_network_that_gives_nonsense_is_refused() -> None:

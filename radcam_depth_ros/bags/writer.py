@@ -18,11 +18,12 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from radcam_depth_ros.bags.definitions import MessageType
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.bags.reader import BagMessage
+from radcam_depth_ros.bags.storage import McapBagWriter
 
 _FOREVER = QosTime(9223372036, 854775807)  # RMW_DURATION_INFINITE
 _LATCHED = Qos(
@@ -75,7 +76,9 @@ class BagWriter:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._folder = Path(tempfile.mkdtemp(dir=self.path.parent, prefix=f".{self.path.name}.partial-"))
-            writer = Writer(self._folder / name, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+            writer = McapBagWriter(
+                self._folder / name, version=McapBagWriter.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
+            )
             if self._compress:
                 writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             writer.open()

@@ -35,6 +35,7 @@ def replay(
     passthrough: Annotated[bool, typer.Option("--passthrough", help="Copy the input's messages as well.")] = False,
     preview: Annotated[bool, typer.Option("--preview", help="Write depth in colours as well.")] = False,
     points: Annotated[bool, typer.Option("--points", help="Write point clouds as well.")] = False,
+    compress: Annotated[bool, typer.Option("--compress", help="Write a smaller bag, which takes longer.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
 ) -> None:
     """Writes the depth of every image of a bag to another bag, as the live node would, without dropping a frame.
@@ -46,7 +47,12 @@ def replay(
 
     settings = DriveSettings(image=image, radars=tuple(radar) if radar else None)
     options = replaying.ReplayOptions(
-        depth_encoding=encoding, passthrough=passthrough, preview=preview, points=points, overwrite=overwrite
+        depth_encoding=encoding,
+        passthrough=passthrough,
+        preview=preview,
+        points=points,
+        overwrite=overwrite,
+        compress=compress,
     )
     estimator = load_estimator(network, model, device, precision)
     with progress_bar() as progress:

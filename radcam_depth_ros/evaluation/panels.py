@@ -15,6 +15,7 @@ from radcam_depth_ros.evaluation.metrics import EvaluationError
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame, ImageArray
 from radcam_depth_ros.geometry import project
 from radcam_depth_ros.messages import colorise
+from radcam_depth_ros.resampling import rectify
 
 NEAR_M, FAR_M = 2.0, 80.0
 """The colour scale of every depth image in a report, logarithmic."""
@@ -73,7 +74,8 @@ class Panel:
         uv, depth_m = project(frame.radar.xyz_m, frame.camera)
         known = None if ground_truth is None or np.isnan(ground_truth).all() else ground_truth
         semi_dense, dense = (None, None) if result is None else (result.semi_dense, result.dense)
-        return cls(title, frame.image, uv, depth_m, semi_dense, dense, known, geometry)
+        image = rectify(frame.image, frame.camera, frame.lens)
+        return cls(title, image, uv, depth_m, semi_dense, dense, known, geometry)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Reading takes any object with the ROS attribute names, of rclpy and of rosbags a
 
 from __future__ import annotations
 
+from radcam_depth_ros.messages.calibration import Calibration
 from radcam_depth_ros.messages.clouds import PointsReading, decode_points
 from radcam_depth_ros.messages.encode_clouds import encode_cloud, encode_points
 from radcam_depth_ros.messages.encode_images import (
@@ -27,7 +28,6 @@ from radcam_depth_ros.messages.images import (
     decode_image,
 )
 from radcam_depth_ros.messages.radar import DEFAULT_ALIASES, FieldAliases, RadarReading, decode_radar
-from radcam_depth_ros.messages.rectify import Rectifier
 from radcam_depth_ros.messages.transforms import (
     OdometryReading,
     StampedTransform,
@@ -41,6 +41,7 @@ from radcam_depth_ros.messages.wire import MessageError, MessageFactory, stamp_n
 __all__ = [
     "DEFAULT_ALIASES",
     "DEPTH_ENCODINGS",
+    "Calibration",
     "ClassReading",
     "DepthReading",
     "FieldAliases",
@@ -50,7 +51,6 @@ __all__ = [
     "OdometryReading",
     "PointsReading",
     "RadarReading",
-    "Rectifier",
     "StampedTransform",
     "colorise",
     "decode_classes",

@@ -63,6 +63,12 @@ def _as_sequence(values: np.ndarray[Any, Any], field_type: str) -> object:
     code = _SEQUENCES.get(field_type)
     if code is None:
         return values  # fixed arrays such as K are numpy arrays in rclpy, too
+    owner: Any = values
+    while isinstance(owner, np.ndarray):
+        owner = owner.base
+    owner = owner.obj if isinstance(owner, memoryview) else owner
+    if isinstance(owner, array.array) and (owner.typecode, len(owner) * owner.itemsize) == (code, values.nbytes):
+        return owner  # depth is written into such memory from the start
     sequence = array.array(code)
     sequence.frombytes(np.ascontiguousarray(values, code).reshape(-1).view(np.uint8).data)
     return sequence

@@ -15,13 +15,13 @@ from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
-import torch
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.drive import DriveSettings, Sample, read_samples
-from radcam_depth_ros.estimator import radar_columns, resample_image
+from radcam_depth_ros.estimator import radar_columns
 from radcam_depth_ros.frame import CameraModel, FloatArray
 from radcam_depth_ros.geometry import CanonicalCamera
+from radcam_depth_ros.resampling import resample_image
 from radcam_depth_ros.training.samples import (
     FORMAT_VERSION,
     RADAR_COLUMNS,
@@ -96,7 +96,6 @@ def build_drive(bag: Path, place: Path, settings: CacheSettings) -> None:
     Raises:
         TrainingError: when no frame of the bag has ground truth, the image size changes within it, or the disk is full.
     """
-    torch.set_num_threads(1)
     partial = place.with_name(place.name + ".part")
     shutil.rmtree(partial, ignore_errors=True)
     try:
@@ -163,8 +162,7 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
 def _write_images(
     sample: Sample, plan: CanonicalCamera, image_file: BinaryIO, depth_file: BinaryIO, classes_file: BinaryIO
 ) -> None:
-    image = resample_image(torch.from_numpy(np.ascontiguousarray(sample.frame.image)), plan)
-    image_file.write(image.permute(1, 2, 0).contiguous().numpy().data)
+    image_file.write(resample_image(sample.frame.image, plan, sample.frame.lens).data)
     depth = resample_depth(sample.depth_m, plan, sparse=sample.source == "lidar")
     depth_file.write(depth.astype(np.float16).data)
     size = (plan.network.height, plan.network.width)

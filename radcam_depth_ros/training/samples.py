@@ -23,8 +23,8 @@ import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane, ImageArray, RadcamDepthError
 
-FORMAT_VERSION = 1
-"""Counts changes of the layout above; a cache of another version is built again."""
+FORMAT_VERSION = 2
+"""Counts changes of the layout above, and of how images are resampled; a cache of another version is built again."""
 
 RADAR_COLUMNS = 6
 """u px, v px, depth m, rcs dBsm, radial speed m/s, age s: what networks are given, NaN where unknown."""

@@ -35,10 +35,11 @@ def names_in(folder):
     return sorted(entry.name for entry in folder.iterdir())
 
 
+@pytest.mark.parametrize("size", [30, 2_000_000])
 @pytest.mark.parametrize("compress", [True, False])
 @pytest.mark.parametrize("place", PLACES)
-def test_what_is_written_is_read(tmp_path, place, compress):
-    path = write_drive(tmp_path / "deep" / place, compress=compress)
+def test_what_is_written_is_read(tmp_path, place, compress, size):
+    path = write_drive(tmp_path / "deep" / place, size=size, compress=compress)
     with BagReader(path) as bag:
         assert [(topic.name, topic.type_name, topic.count, topic.latched) for topic in bag.topics] == [
             ("/camera/image_raw", "sensor_msgs/msg/Image", 5, False),
@@ -57,7 +58,7 @@ def test_what_is_written_is_read(tmp_path, place, compress):
         for index, item in enumerate(bag.messages(["/camera/image_raw"])):
             assert item.type_name == "sensor_msgs/msg/Image"
             assert item.message.header.frame_id == "camera"
-            np.testing.assert_array_equal(item.message.data, image(index).data)
+            np.testing.assert_array_equal(item.message.data, image(index, size).data)
     assert names_in(path.parent) == [place]
 
 

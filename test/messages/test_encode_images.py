@@ -8,8 +8,8 @@ from hypothesis.extra import numpy as npst
 
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import (
+    Calibration,
     MessageError,
-    Rectifier,
     colorise,
     decode_classes,
     decode_depth,
@@ -99,10 +99,10 @@ def test_compressed_images_come_back(maker, image):
 def test_camera_infos_come_back(maker, size, focal, centre):
     camera = CameraModel(*size, *focal, *centre)
     message = encode_camera_info(maker.make, camera, STAMP, "camera")
-    rectifier = Rectifier(maker.send(message, "sensor_msgs/msg/CameraInfo"))
-    assert rectifier.camera == camera
-    assert rectifier.is_identity
-    assert rectifier.matches(message)
+    calibration = Calibration(maker.send(message, "sensor_msgs/msg/CameraInfo"))
+    assert calibration.camera == camera
+    assert calibration.lens is None
+    assert calibration.matches(message)
 
 
 def test_contiguous_arrays_are_not_copied(make):

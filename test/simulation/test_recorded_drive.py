@@ -45,7 +45,7 @@ def depth_and_classes(drive: Any) -> tuple[npt.NDArray[np.float32], npt.NDArray[
 
 def errors_in_image(drive: Any, xyz: npt.NDArray[np.float32], frame: str) -> npt.NDArray[np.float32]:
     """Of points that fall into the image: their depth less the exact depth, relative to it, where that is finite."""
-    camera = messages.Rectifier(drive.messages["/camera/camera_info"][0]).camera
+    camera = messages.Calibration(drive.messages["/camera/camera_info"][0]).camera
     depth, _ = depth_and_classes(drive)
     uv, z = project(transforms(drive).lookup("camera_optical", frame).apply(xyz), camera)
     column, row = np.round(np.nan_to_num(uv, nan=-1.0)).astype(int).T
@@ -91,7 +91,7 @@ def test_sky_is_infinitely_far_and_nothing_else_is(still_drive: Any) -> None:
 
 def test_the_road_lies_on_the_ground_plane(still_drive: Any) -> None:
     depth, classes = depth_and_classes(still_drive)
-    camera = messages.Rectifier(still_drive.messages["/camera/camera_info"][0]).camera
+    camera = messages.Calibration(still_drive.messages["/camera/camera_info"][0]).camera
     ground = ground_plane(transforms(still_drive).lookup("camera_optical", "base_footprint"))
     a, b, c = ground_coefficients(ground, camera)
     row, column = np.nonzero((classes == Label.ROAD) & (depth < 30))
@@ -186,7 +186,7 @@ def test_a_failure_leaves_nothing_behind(tmp_path: Path) -> None:
 
 def test_depth_is_along_the_optical_axis(still_drive: Any) -> None:
     depth, classes = depth_and_classes(still_drive)
-    camera = messages.Rectifier(still_drive.messages["/camera/camera_info"][0]).camera
+    camera = messages.Calibration(still_drive.messages["/camera/camera_info"][0]).camera
     road = unproject(depth, camera)[(classes == Label.ROAD) & (depth < 20)]
     ground = ground_plane(transforms(still_drive).lookup("camera_optical", "base_footprint"))
     heights = road @ np.array(ground.up) + ground.height_m

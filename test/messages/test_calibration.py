@@ -9,7 +9,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from radcam_depth_ros.messages import MessageError, Rectifier
+from radcam_depth_ros.messages import Calibration, MessageError
+from radcam_depth_ros.resampling import rectify
 
 K = np.array([[150.0, 0.0, 81.0], [0.0, 148.0, 58.0], [0.0, 0.0, 1.0]])
 DISTORTIONS = {
@@ -40,6 +41,12 @@ def camera_info(**changes):
     return SimpleNamespace(**(fields | changes))
 
 
+def rectified_by(info, image):
+    calibration = Calibration(info)
+    calibration.check_size(image)
+    return rectify(image, calibration.camera, calibration.lens)
+
+
 def projection(matrix):
     return np.hstack([matrix, np.zeros((3, 1))]).reshape(-1)
 
@@ -51,8 +58,8 @@ def distort(model, rays, distortion):
     return cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, distortion)[0].reshape(-1, 2)
 
 
-def camera_values(rectifier):
-    camera = rectifier.camera
+def camera_values(calibration):
+    camera = calibration.camera
     return (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
 
 
@@ -69,16 +76,16 @@ def camera_values(rectifier):
     ],
 )
 def test_an_ideal_camera_passes_images_on(changes):
-    rectifier = Rectifier(camera_info(**changes))
-    assert rectifier.is_identity
-    assert rectifier.apply(IMAGE) is IMAGE
-    assert camera_values(rectifier) == (160, 120, 150.0, 148.0, 81.0, 58.0)
+    calibration = Calibration(camera_info(**changes))
+    assert calibration.lens is None
+    assert rectify(IMAGE, calibration.camera, calibration.lens) is IMAGE
+    assert camera_values(calibration) == (160, 120, 150.0, 148.0, 81.0, 58.0)
 
 
 @pytest.mark.parametrize("model", ["plumb_bob", "rational_polynomial"])
 def test_same_as_undistort(model):
     distortion = DISTORTIONS[model]
-    rectified = Rectifier(camera_info(distortion_model=model, d=distortion)).apply(IMAGE)
+    rectified = rectified_by(camera_info(distortion_model=model, d=distortion), IMAGE)
     expected = cv2.undistort(IMAGE, K, np.array(distortion), None, K)
     assert np.abs(rectified.astype(int) - expected).max() <= 2
 
@@ -108,49 +115,49 @@ def test_a_point_comes_to_lie_where_the_ideal_camera_projects_it(model, scale, s
     rows, columns = np.mgrid[:120, :160]
     spot = 250 * np.exp(-((columns - seen[0]) ** 2 + (rows - seen[1]) ** 2) / 4)
     info = camera_info(distortion_model=model, d=DISTORTIONS[model], r=r.reshape(-1), p=projection(new))
-    rectified = Rectifier(info).apply(spot.astype(np.uint8)).astype(float)
+    rectified = rectified_by(info, spot.astype(np.uint8)).astype(float)
     centre = np.array([(columns * rectified).sum(), (rows * rectified).sum()]) / rectified.sum()
     np.testing.assert_allclose(centre, ideal, atol=0.35)
 
 
 def test_projection_is_the_new_camera():
     new = np.array([[100.0, 0.0, 70.0], [0.0, 99.0, 50.0], [0.0, 0.0, 1.0]])
-    rectifier = Rectifier(camera_info(p=projection(new)))
-    assert camera_values(rectifier) == (160, 120, 100.0, 99.0, 70.0, 50.0)
-    assert not rectifier.is_identity
+    calibration = Calibration(camera_info(p=projection(new)))
+    assert camera_values(calibration) == (160, 120, 100.0, 99.0, 70.0, 50.0)
+    assert calibration.lens is not None
 
 
 def test_binning_and_region_of_interest():
     info = camera_info(binning_x=2, binning_y=4, x_offset=20, y_offset=8, roi_width=80, roi_height=64)
-    assert camera_values(Rectifier(info)) == (40, 16, 75.0, 37.0, 30.5, 12.5)
+    assert camera_values(Calibration(info)) == (40, 16, 75.0, 37.0, 30.5, 12.5)
     info = camera_info(binning_x=2, binning_y=2)
-    assert camera_values(Rectifier(info)) == (80, 60, 75.0, 74.0, 40.5, 29.0)
+    assert camera_values(Calibration(info)) == (80, 60, 75.0, 74.0, 40.5, 29.0)
 
 
 @pytest.mark.parametrize("model", sorted(DISTORTIONS))
 def test_a_region_rectified_is_the_region_of_the_rectified_image(model):
-    full = Rectifier(camera_info(distortion_model=model, d=DISTORTIONS[model])).apply(IMAGE)
+    full = rectified_by(camera_info(distortion_model=model, d=DISTORTIONS[model]), IMAGE)
     info = camera_info(
         distortion_model=model, d=DISTORTIONS[model], x_offset=30, y_offset=20, roi_width=90, roi_height=70
     )
-    part = Rectifier(info).apply(np.ascontiguousarray(IMAGE[20:90, 30:120]))
+    part = rectified_by(info, np.ascontiguousarray(IMAGE[20:90, 30:120]))
     inner = np.s_[25:-25, 30:-30]  # what the region's image has of the region's rectified image
     assert np.abs(part[inner].astype(int) - full[20:90, 30:120][inner]).max() <= 2
 
 
 def test_images_that_are_rectified_already():
     info = camera_info(d=DISTORTIONS["plumb_bob"])
-    rectifier = Rectifier(info, image_is_rectified=True)
-    assert rectifier.apply(IMAGE) is IMAGE
+    calibration = Calibration(info, image_is_rectified=True)
+    assert rectify(IMAGE, calibration.camera, calibration.lens) is IMAGE
 
 
 def test_model_names_and_trailing_zeros():
-    expected = Rectifier(camera_info(d=DISTORTIONS["plumb_bob"])).apply(IMAGE)
+    expected = rectified_by(camera_info(d=DISTORTIONS["plumb_bob"]), IMAGE)
     info = camera_info(distortion_model="Plumb_Bob", d=DISTORTIONS["plumb_bob"] + [0.0] * 3)
-    np.testing.assert_array_equal(Rectifier(info).apply(IMAGE), expected)
-    expected = Rectifier(camera_info(distortion_model="equidistant", d=DISTORTIONS["equidistant"])).apply(IMAGE)
+    np.testing.assert_array_equal(rectified_by(info, IMAGE), expected)
+    expected = rectified_by(camera_info(distortion_model="equidistant", d=DISTORTIONS["equidistant"]), IMAGE)
     info = camera_info(distortion_model="fisheye", d=DISTORTIONS["equidistant"] + [0.0])
-    np.testing.assert_array_equal(Rectifier(info).apply(IMAGE), expected)
+    np.testing.assert_array_equal(rectified_by(info, IMAGE), expected)
 
 
 @pytest.mark.parametrize(
@@ -166,9 +173,9 @@ def test_model_names_and_trailing_zeros():
     ],
 )
 def test_matches(changes):
-    rectifier = Rectifier(camera_info())
-    assert rectifier.matches(camera_info())
-    assert not rectifier.matches(camera_info(**changes))
+    calibration = Calibration(camera_info())
+    assert calibration.matches(camera_info())
+    assert not calibration.matches(camera_info(**changes))
 
 
 @pytest.mark.parametrize(
@@ -189,11 +196,11 @@ def test_matches(changes):
 )
 def test_bad_calibration_is_refused_with_a_sentence(changes, words):
     with pytest.raises(MessageError) as raised:
-        Rectifier(camera_info(**changes))
+        Calibration(camera_info(**changes))
     for word in words:
         assert word in str(raised.value)
 
 
 def test_an_image_of_another_size_is_refused():
     with pytest.raises(MessageError, match=r"160 x 120 pixels .* got 80 x 60"):
-        Rectifier(camera_info()).apply(np.zeros((60, 80, 3), np.uint8))
+        rectified_by(camera_info(), np.zeros((60, 80, 3), np.uint8))

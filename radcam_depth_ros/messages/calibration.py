@@ -1,15 +1,14 @@
-"""Rectifying images by their CameraInfo."""
+"""Reading a CameraInfo: the ideal camera, and how the published image differs from it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.frame import CameraModel, FrameError, ImageArray
+from radcam_depth_ros.frame import CameraModel, FrameError, ImageArray, Lens
 from radcam_depth_ros.messages.wire import MessageError, require_fields
 
 DoubleArray = npt.NDArray[np.float64]
@@ -22,7 +21,7 @@ _CLOSE_PX = 1e-3
 
 
 @dataclass(frozen=True)
-class _Calibration:
+class _Published:
     """What a CameraInfo says, for the image as it is published: region of interest and binning applied."""
 
     width: int
@@ -34,8 +33,8 @@ class _Calibration:
     rectified: DoubleArray  # the first three columns of P, or K, (3, 3)
 
 
-class Rectifier:
-    """Makes an image ideal: without distortion, rotated by R, with the intrinsics of P.
+class Calibration:
+    """What a CameraInfo says of a camera: its ideal model, with the intrinsics of P, and its lens.
 
     Distortion models are plumb_bob, rational_polynomial and equidistant (fisheye). K, R and P belong to the full
     resolution; a region of interest and binning are applied as image_geometry does: subtract the offset, then divide
@@ -48,6 +47,7 @@ class Rectifier:
 
     Attributes:
         camera: The ideal camera of the rectified image.
+        lens: How the published image differs from that camera's; None where it does not.
 
     Raises:
         MessageError: for K of zeros, values that are not finite, R that is no rotation, or an unknown distortion model.
@@ -55,12 +55,12 @@ class Rectifier:
 
     def __init__(self, camera_info: Any, *, image_is_rectified: bool = False) -> None:
         self._key = _key(camera_info)
-        calibration = _read(camera_info)
-        matrix = calibration.rectified
+        published = _read(camera_info)
+        matrix = published.rectified
         try:
             self.camera = CameraModel(
-                calibration.width,
-                calibration.height,
+                published.width,
+                published.height,
                 float(matrix[0, 0]),
                 float(matrix[1, 1]),
                 float(matrix[0, 2]),
@@ -68,24 +68,17 @@ class Rectifier:
             )
         except FrameError as error:
             raise MessageError(f"the camera_info can't be used: {error}") from error
-        self._maps = None if image_is_rectified or _is_ideal(calibration) else _maps(calibration)
-
-    @property
-    def is_identity(self) -> bool:
-        """Whether images are passed on as they are."""
-        return self._maps is None
+        self.lens = None if image_is_rectified or _is_ideal(published) else _lens(published)
 
     def matches(self, camera_info: Any) -> bool:
         """Whether a CameraInfo says the same as the one that this was made from; stamps don't matter."""
         return self._key == _key(camera_info)
 
-    def apply(self, image: ImageArray) -> ImageArray:
-        """Rectifies an image, (H, W) or (H, W, C) uint8; black where the camera saw nothing.
-
-        The image itself comes back, not a copy, when it is ideal already.
+    def check_size(self, image: ImageArray) -> None:
+        """Refuses an image, (H, W) or (H, W, C), that is not of the camera's size.
 
         Raises:
-            MessageError: when the image's size is not the camera's.
+            MessageError: when it is not.
         """
         expected = (self.camera.height, self.camera.width)
         if image.shape[:2] != expected:
@@ -94,10 +87,6 @@ class Rectifier:
                 f"{image.shape[1]} x {image.shape[0]}; publish the camera_info of the resized image, or set its "
                 "binning and region of interest"
             )
-        if self._maps is None:
-            return image
-        rectified: ImageArray = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
-        return rectified
 
 
 def _key(info: Any) -> tuple[object, ...]:
@@ -109,7 +98,7 @@ def _key(info: Any) -> tuple[object, ...]:
     return (info.width, info.height, info.distortion_model, info.binning_x, info.binning_y, *region, *matrices)
 
 
-def _read(info: Any) -> _Calibration:
+def _read(info: Any) -> _Published:
     k, r, p = _values(info, "k", 9), _values(info, "r", 9), _values(info, "p", 12)
     distortion = np.asarray(info.d, np.float64).reshape(-1)
     if not np.isfinite(distortion).all():
@@ -123,7 +112,7 @@ def _read(info: Any) -> _Calibration:
     rectified = p.reshape(3, 4)[:, :3] if p[0] > 0 else raw
     model, distortion = _model(str(info.distortion_model), distortion)
     width, height, adjust = _published_region(info)
-    return _Calibration(
+    return _Published(
         width,
         height,
         model,
@@ -197,22 +186,18 @@ def _rotation(r: DoubleArray) -> DoubleArray:
     return r
 
 
-def _is_ideal(calibration: _Calibration) -> bool:
+def _is_ideal(published: _Published) -> bool:
     """Whether rectifying would move no pixel by more than a thousandth."""
-    if calibration.model:
+    if published.model:
         return False
     # A homography is what remains; it is compared where it moves most: in the corners.
-    right, bottom = calibration.width - 1.0, calibration.height - 1.0
+    right, bottom = published.width - 1.0, published.height - 1.0
     corners = np.array([[0.0, 0.0, 1.0], [right, 0.0, 1.0], [0.0, bottom, 1.0], [right, bottom, 1.0]]).T
-    moved = calibration.rectified @ calibration.rotation @ np.linalg.inv(calibration.raw) @ corners
+    moved = published.rectified @ published.rotation @ np.linalg.inv(published.raw) @ corners
     return bool(np.abs(moved[:2] / moved[2] - corners[:2]).max() < _CLOSE_PX)
 
 
-def _maps(calibration: _Calibration) -> tuple[Any, Any]:
-    """OpenCV's fixed-point maps: half the time of float maps."""
-    size = (calibration.width, calibration.height)
-    make = cv2.fisheye.initUndistortRectifyMap if calibration.model == "equidistant" else cv2.initUndistortRectifyMap
-    coordinates, fractions = make(
-        calibration.raw, calibration.distortion, calibration.rotation, calibration.rectified, size, cv2.CV_16SC2
-    )
-    return coordinates, fractions
+def _lens(published: _Published) -> Lens:
+    numbers = (published.raw, published.rotation, published.distortion)
+    matrix, rotation, distortion = (tuple(values.reshape(-1).tolist()) for values in numbers)
+    return Lens(matrix, rotation, published.model, distortion if published.model else ())

@@ -1,0 +1,61 @@
+"""MCAP files whose large messages are written without copies.
+
+rosbags copies a message four times on its way to the file: into a record, a chunk, the chunk's record and the buffer of
+the file. For depth images that is more work than all that leads to them, the network left out.
+"""
+
+from __future__ import annotations
+
+import struct
+from io import BytesIO
+from typing import Any
+
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
+
+_LARGE_BYTES = 1 << 20  # at which rosbags closes a chunk
+# Opcodes and layouts of the MCAP specification, little endian.
+_CHUNK = struct.Struct("<BQQQQIIQ")  # 0x06, length, first and last time, size, checksum, no compression, size
+_MESSAGE = struct.Struct("<BQHIQQ")  # 0x05, length, channel, sequence, log time, publish time
+_MESSAGE_INDEX = struct.Struct("<BQHIQQ")  # 0x07, length, channel, bytes of the one entry, its time, its offset
+_CHUNK_INDEX = struct.Struct("<QQQQIHQQIQQ")  # first and last time, start, length, one offset, index length, sizes
+_LENGTH = 9  # of an opcode and a length, which a record's length does not count
+
+
+class LargeMessageStorage(McapWriter):  # type: ignore[misc]  # rosbags is read without types
+    """rosbags' MCAP file, with a chunk of its own for each large message where chunks are not compressed."""
+
+    def write(self, connection: Any, timestamp: int, data: bytes | memoryview) -> None:
+        """Writes a serialised message.
+
+        Args:
+            connection: The topic's.
+            timestamp: Nanoseconds.
+            data: The message.
+        """
+        if self.compression or len(data) < _LARGE_BYTES:
+            super().write(connection, timestamp, data)
+            return
+        if self.chunk.bio.tell():  # holds the channel, where this is its first message
+            self.close_chunk()
+        self.message_start_time: int = min(timestamp, self.message_start_time)
+        self.message_end_time: int = max(timestamp, self.message_end_time)
+        self.channel_stats[connection.id] += 1
+        times, size = (timestamp, timestamp), _MESSAGE.size + len(data)
+        start = self.bio.tell()
+        self.bio.write(_CHUNK.pack(0x06, _CHUNK.size - _LENGTH + size, *times, size, 0, 0, size))
+        self.bio.write(_MESSAGE.pack(0x05, size - _LENGTH, connection.id, 0, *times))
+        self.bio.write(data)
+        end = self.bio.tell()
+        self.bio.write(_MESSAGE_INDEX.pack(0x07, _MESSAGE_INDEX.size - _LENGTH, connection.id, 16, timestamp, 0))
+        index = BytesIO()
+        index.write(
+            _CHUNK_INDEX.pack(*times, start, end - start, 10, connection.id, end, _MESSAGE_INDEX.size, 0, size, size)
+        )
+        self.chunks.append(index)
+
+
+class McapBagWriter(Writer):  # type: ignore[misc]  # as above
+    """rosbags' writer of rosbag2 folders, with this storage."""
+
+    STORAGE_PLUGINS = {StoragePlugin.MCAP: LargeMessageStorage}  # noqa: RUF012  # rosbags declares it so
