@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 PAPER = "paper"
 PAPER_IMAGE_FACTOR = 2
-"""Papers' networks work on the image as it is, of which ours sees half the rows and columns at the usual focal length."""
+"""A paper's network works on the image as it is; at the usual focal length ours sees half of its rows and columns."""
 
 
 def bench(
@@ -115,8 +115,8 @@ def _parse_against(spec: str, subject: Subject) -> Against:
         values = {"mode": "eager", "precision": "float32", **values}
     height_width = _height_width(str(values.pop("size"))) if "size" in values else None
     points = _count(str(values.pop("points"))) if "points" in values else None
-    engine = {key: str(values.pop(key)) for key in ("precision", "mode") if key in values}
-    other = replace(subject, architecture={**architecture, **values}, **engine)
+    precision, mode = str(values.pop("precision", subject.precision)), str(values.pop("mode", subject.mode))
+    other = replace(subject, architecture={**architecture, **values}, precision=precision, mode=mode)
     return Against(spec, other, PAPER_IMAGE_FACTOR if is_paper else 1, height_width, points)
 
 

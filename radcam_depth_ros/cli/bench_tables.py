@@ -78,8 +78,8 @@ def _print_against(console: Console, against: AgainstFigures) -> None:
     if against.drive:
         drive = against.drive
         console.print(
-            f"over {drive.frames} frames of the bag: dense depth differs by {100 * drive.depth_difference:.3f} % (median "
-            f"of frames); MAE within 80 m {drive.mae_m:.3f} m, other {drive.other_mae_m:.3f} m, "
+            f"over {drive.frames} frames of the bag: dense depth differs by {100 * drive.depth_difference:.3f} % "
+            f"(median of frames); MAE within 80 m {drive.mae_m:.3f} m, other {drive.other_mae_m:.3f} m, "
             f"{100 * drive.mae_change:.2f} % apart"
         )
 
