@@ -79,8 +79,7 @@ def process_peak_mb(subject: Subject, size: Size) -> float:
     if done.returncode:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise BenchmarkError(
-            f"the process that measures memory at {size} failed: {last}; choose a smaller size "
-            "if memory ran out"
+            f"the process that measures memory at {size} failed: {last}; choose a smaller size if memory ran out"
         )
     return float(done.stdout.split()[-1])
 
