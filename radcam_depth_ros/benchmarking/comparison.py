@@ -104,6 +104,7 @@ def _compare_at(
         SideFigures(own.size, float(np.median(ms)), own.whole.gflop, own.whole.peak_memory_mb),
         SideFigures(size, float(np.median(other_ms)), gflop, peak_mb),
         tuple(float(ratio) for ratio in other_ms / ms),
+        float(other_ms.min() / ms.min()),
         depth_difference(running.engine, other.engine, inputs) if is_comparable else math.nan,
     )
 

@@ -119,12 +119,14 @@ class PairFigures:
         subject: The network that is measured.
         other: What it is held against.
         ratios: Time of `other` over time of `subject`, pair by pair: above 1, `subject` is faster.
+        ratio_of_fastest: The same of the fastest turn of each.
         depth_difference: Median of |dense - other's| / other's on a synthetic image; NaN where weights or sizes differ.
     """
 
     subject: SideFigures
     other: SideFigures
     ratios: tuple[float, ...]
+    ratio_of_fastest: float
     depth_difference: float = math.nan
 
     def quantile(self, share: float) -> float:
@@ -140,6 +142,7 @@ class PairFigures:
                 "median": plain(self.quantile(0.5)),
                 "p10": plain(self.quantile(0.1)),
                 "p90": plain(self.quantile(0.9)),
+                "of_fastest": plain(self.ratio_of_fastest),
                 "pairs": [plain(ratio) for ratio in self.ratios],
             },
             "memory_ratio": plain(self.other.peak_memory_mb / self.subject.peak_memory_mb),

@@ -85,7 +85,8 @@ def _print_against(console: Console, against: AgainstFigures) -> None:
 
 
 def _pair_line(pair: PairFigures) -> str:
-    line = f"ratios pair by pair at {pair.subject.size}: {', '.join(_number(ratio) for ratio in pair.ratios)}"
+    ratios = ", ".join(_number(ratio) for ratio in pair.ratios)
+    line = f"ratios pair by pair at {pair.subject.size}: {ratios}; of the fastest: {_number(pair.ratio_of_fastest)}"
     if math.isfinite(pair.depth_difference):
         line += f"; dense depth differs by {100 * pair.depth_difference:.3f} % (median, made-up image)"
     return line

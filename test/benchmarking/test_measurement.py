@@ -125,7 +125,10 @@ def test_two_precisions_share_weights_and_their_depth_is_compared(tiny: str) -> 
     assert 0 < pair.depth_difference < 0.05
     values = report.as_json()["against"]
     assert (values["spec"], values["precision"], values["weights"]) == ("precision=float32", "float32", "random")
-    assert values["sizes"][0]["ratio"]["median"] == pytest.approx(pair.quantile(0.5), rel=1e-3)
+    ratio = values["sizes"][0]["ratio"]
+    assert ratio["median"] == pytest.approx(pair.quantile(0.5), rel=1e-3)
+    assert len(ratio["pairs"]) == 3
+    assert ratio["of_fastest"] > 0
     assert values["sizes"][0]["subject"]["gflop"] == values["sizes"][0]["other"]["gflop"]
 
 
