@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from radcam_depth_ros.engine import Engine
+from radcam_depth_ros.engine import PRECISIONS, Engine
 from radcam_depth_ros.frame import CameraModel, DepthResult, FloatArray, Frame, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera, ground_coefficients, project
 from radcam_depth_ros.networks import archive
@@ -19,7 +19,7 @@ OUTPUT_SIZES = ("native", "network")
 
 
 class EstimatorError(RadcamDepthError):
-    """A setting of the estimator that cannot be used on this machine, or a network that gives nonsense."""
+    """A setting of the estimator that cannot be used, or a network that gives nonsense."""
 
 
 @dataclass(frozen=True)
@@ -30,21 +30,23 @@ class EstimatorConfig:
         network: Name of a network whose weights come with the package.
         model_file: A weight file (.safetensors with its card, or an exported .pt) in place of `network`.
         device: `cpu` or `cuda`, or `cuda:1` and so on.
+        precision: `float32`, `bfloat16`, or `auto`: whichever the machine is faster in, as a measurement at start says.
         threads: CPU threads of the network; 0 leaves torch's choice.
         output_size: `native` gives depth at the image's size, `network` at the size that the network worked at.
-        precision: `auto`, `float32` or `bfloat16`.
     """
 
     network: str = "baff"
     model_file: str = ""
     device: str = "cpu"
+    precision: str = "auto"
     threads: int = 0
     output_size: str = "native"
-    precision: str = "auto"
 
     def __post_init__(self) -> None:
         if self.output_size not in OUTPUT_SIZES:
             raise EstimatorError(f"output_size must be one of {', '.join(OUTPUT_SIZES)}, got {self.output_size!r}")
+        if self.precision not in PRECISIONS:
+            raise EstimatorError(f"precision must be one of {', '.join(PRECISIONS)}, got {self.precision!r}")
         if self.threads < 0:
             raise EstimatorError(f"threads must be 0 (torch's choice) or more, got {self.threads}")
 
@@ -103,33 +105,24 @@ class Estimator:
 
     Raises:
         ArchiveError: when the weights cannot be loaded.
-        EstimatorError: when the device is not there.
+        EngineError: when the device is not there, or cannot run the network in the precision that is asked for.
     """
 
     def __init__(self, config: EstimatorConfig | None = None, loaded: Archive | None = None) -> None:
         self.config = config or EstimatorConfig()
-        try:
-            self._device = torch.device(self.config.device)
-            torch.zeros(1, device=self._device)
-        except (RuntimeError, AssertionError) as error:
-            reason = str(error).splitlines()[0]
-            raise EstimatorError(
-                f"device {self.config.device!r} cannot be used: {reason}; use cpu, or cuda with a CUDA build of torch"
-            ) from None
         source = loaded or archive.load(self.config.model_file or self.config.network)
         self.card = source.card
         if self.config.threads:
             torch.set_num_threads(self.config.threads)
-        engine = Engine(source.network, self._device, self.config.precision)
-        self._network, self._dtype = engine.network, getattr(torch, engine.precision)
+        self._engine = Engine(source.network, self.config.device, self.config.precision)
         self._plans: dict[CameraModel, CanonicalCamera] = {}
 
     def describe(self) -> str:
-        """One line: which network, trained on what, running where."""
+        """One line: which network, trained on what, running where and in which number format."""
         card = self.card
         return (
             f"{card.network} ({card.training_data}; {card.min_depth_m:g} to {card.max_depth_m:g} m, focal length "
-            f"{card.focal_length_px:g} px) on {self._device}"
+            f"{card.focal_length_px:g} px) on {self.config.device} in {self._engine.describe()}"
         )
 
     def plan(self, camera: CameraModel) -> CanonicalCamera:
@@ -142,12 +135,9 @@ class Estimator:
         return self._plans[camera]
 
     def warm_up(self, camera: CameraModel) -> None:
-        """Runs the network for a camera's size until TorchScript has specialised it."""
-        image = np.zeros((camera.height, camera.width, 3), np.uint8)
-        frame = Frame(0, "warm_up", image, camera, RadarReturns.from_points(np.array([[0.0, 0.0, 10.0]])))
-        # TorchScript profiles the first call and optimises in the second.
-        for _ in range(3):
-            self.estimate(frame)
+        """Makes the network ready for a camera's images, if it is not: its first frames are then as fast as others."""
+        network = self.plan(camera).network
+        self._engine.warm_up(network.height, network.width)
 
     def estimate(self, frame: Frame) -> DepthResult:
         """Estimates the depth of a frame.
@@ -159,14 +149,12 @@ class Estimator:
         plan = self.plan(frame.camera)
         columns = radar_columns(frame.radar, plan.network, self.card.max_depth_m)
         with torch.inference_mode():
-            image = resample_image(
-                torch.from_numpy(np.require(frame.image, requirements=["C", "W"])).to(self._device), plan
+            image = resample_image(torch.from_numpy(np.require(frame.image, requirements=["C", "W"])), plan)
+            dense, semi_dense, confidence = self._engine.run(
+                image.permute(1, 2, 0).contiguous(),
+                torch.from_numpy(columns),
+                torch.from_numpy(ground_coefficients(frame.ground, plan.network)),
             )
-            pixels = image.unsqueeze(0).contiguous(memory_format=torch.channels_last).to(self._dtype) / 255.0
-            radar = torch.from_numpy(columns).to(self._device).unsqueeze(0)
-            valid = torch.ones(radar.shape[:2], dtype=torch.bool, device=self._device)
-            ground = torch.from_numpy(ground_coefficients(frame.ground, plan.network)).to(self._device).unsqueeze(0)
-            dense, semi_dense, confidence = self._network(pixels, radar, valid, ground)
             if not bool(torch.isfinite(dense).all()):
                 raise EstimatorError("the network gave a depth that is not finite; its weights do not fit these inputs")
             camera = plan.scaled if self.config.output_size == "network" else plan.source

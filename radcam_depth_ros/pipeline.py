@@ -108,6 +108,10 @@ class Pipeline(Intake):
         self._estimator = estimator
         self._factory = factory
 
+    def warm_up(self, camera: CameraModel) -> None:
+        """Makes the network ready for a camera's images; at once where it is."""
+        self._estimator.warm_up(camera)
+
     def process(self, frame: Frame, *, preview: bool = False, points: bool = False) -> DepthMessages:
         """Estimates a frame's depth and writes it as messages.
 

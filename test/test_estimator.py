@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from torch import Tensor, nn
 
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, radar_columns, resample_image
-from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera, GeometryError
 from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.archive import Archive, Card
@@ -141,6 +142,7 @@ def test_a_read_only_image_is_taken(small_weights: Path) -> None:
     loaded.warm_up(camera)
     assert np.isfinite(loaded.estimate(frame(camera, image)).dense).all()
     assert "baff" in loaded.describe()
+    assert re.search(r" on cpu in (float32|bfloat16) \(.+\)$", loaded.describe())
 
 
 @pytest.mark.parametrize(
@@ -148,9 +150,10 @@ def test_a_read_only_image_is_taken(small_weights: Path) -> None:
     [
         ({"device": "warp"}, "device 'warp' cannot be used"),
         ({"output_size": "huge"}, "output_size must be one of native, network, got 'huge'"),
+        ({"precision": "half"}, "precision must be one of auto, float32, bfloat16, got 'half'"),
         ({"threads": -1}, "threads must be"),
     ],
 )
 def test_settings_that_cannot_be(values: dict[str, object], message: str) -> None:
-    with pytest.raises(EstimatorError, match=message):
+    with pytest.raises(RadcamDepthError, match=message):
         estimator(GivesTheRoad(), EstimatorConfig(**values))

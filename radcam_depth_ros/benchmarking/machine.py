@@ -14,6 +14,7 @@ import torch
 from torch.nn import functional
 
 from radcam_depth_ros.benchmarking.rotation import Task, Times
+from radcam_depth_ros.engine import processor_has_bfloat16
 
 CONVOLUTIONS = ((64, 224, 400), (128, 112, 200), (256, 56, 100))
 """Channels, height and width of the 3 x 3 convolutions: 6.6 GFLOP each, as networks have them at 448 x 800."""
@@ -61,8 +62,7 @@ class Machine:
     @property
     def precisions(self) -> tuple[str, ...]:
         """The number formats that it computes in by itself."""
-        has_bfloat16 = self.gpu or {"avx512_bf16", "amx_bf16"} & set(self.flags)
-        return ("float32", "bfloat16") if has_bfloat16 else ("float32",)
+        return ("float32", "bfloat16") if self.gpu or processor_has_bfloat16() else ("float32",)
 
 
 @dataclass(frozen=True)

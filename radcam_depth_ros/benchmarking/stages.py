@@ -14,7 +14,9 @@ from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 from radcam_depth_ros.benchmarking.memory import peak_allocated_mb
 from radcam_depth_ros.benchmarking.rotation import Task
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Subject
-from radcam_depth_ros.engine import Engine
+from radcam_depth_ros.engine.calls import forward
+from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks.folding import folded
 
 GFLOP_COUNTING = (
     "2 operations a multiply-add, of convolutions, matrix products and attention only, counted by "
@@ -60,19 +62,16 @@ def dissect(running: Running, inputs: NetworkInputs) -> Anatomy:
         inputs: Of the whole network.
     """
     subject, loaded = running.resolved, running.loaded
-    eager = Engine(loaded.network, subject.device, subject.precision, "eager")
+    eager = _eager(loaded.network, subject)
     captured: dict[str, tuple[Any, ...]] = {}
-    hooks = [
-        eager.network.get_submodule(path).register_forward_pre_hook(_capture(captured, path))
-        for _, path in loaded.stages
-    ]
+    hooks = [eager.get_submodule(path).register_forward_pre_hook(_capture(captured, path)) for _, path in loaded.stages]
     counter = _flop_counter()
     with counter:
-        eager.run(*inputs.as_tuple())
+        _run(eager, subject, inputs)
     for hook in hooks:
         hook.remove()
     counts = counter.get_flop_counts()
-    root = type(eager.network).__name__
+    root = type(eager).__name__
     stages: list[Stage] = []
     for name, path in loaded.stages:
         gflop = 1e-9 * sum(counts.get(f"{root}.{path}", {}).values())
@@ -84,9 +83,29 @@ def dissect(running: Running, inputs: NetworkInputs) -> Anatomy:
 def count_gflop(running: Running, inputs: NetworkInputs) -> float:
     """Operations of the whole network, in billions; see `GFLOP_COUNTING`."""
     subject, counter = running.resolved, _flop_counter()
+    eager = _eager(running.loaded.network, subject)
     with counter:
-        Engine(running.loaded.network, subject.device, subject.precision, "eager").run(*inputs.as_tuple())
+        _run(eager, subject, inputs)
     return 1e-9 * counter.get_total_flops()
+
+
+def _eager(network: nn.Module, subject: Subject) -> nn.Module:
+    """A copy with the engine's weights, before it is frozen; an export as it is."""
+    if isinstance(network, torch.jit.ScriptModule):
+        return network
+    dtype = getattr(torch, subject.precision)
+    if subject.mode == "eager":
+        return copy.deepcopy(network).eval().to(subject.device, dtype)
+    return folded(network, dtype, subject.device)
+
+
+def _run(network: nn.Module, subject: Subject, inputs: NetworkInputs) -> None:
+    """Calls a network as the engine does."""
+    image, radar, ground = (value.to(subject.device) for value in inputs.as_tuple())
+    valid = torch.ones(len(radar), dtype=torch.bool, device=subject.device)
+    layout = torch.contiguous_format if subject.mode == "eager" else torch.channels_last
+    with torch.inference_mode():
+        forward(network, image, radar, valid, ground, getattr(torch, subject.precision), layout)
 
 
 def _flop_counter() -> FlopCounterMode:
@@ -108,7 +127,9 @@ def _capture(captured: dict[str, tuple[Any, ...]], path: str) -> Callable[[nn.Mo
 
 def _runner(stage: nn.Module, subject: Subject, arguments: tuple[Any, ...]) -> Callable[[], object]:
     """Runs a stage as the whole network's engine would, warmed up."""
-    module = Engine(stage, subject.device, subject.precision, subject.mode).network
+    # On a GPU the engine replays one graph of the whole: there its stages run eagerly.
+    is_frozen = subject.mode == "frozen" and subject.device == "cpu"
+    module = archive.freeze(stage, getattr(torch, subject.precision)) if is_frozen else _eager(stage, subject)
 
     def call() -> object:
         with torch.inference_mode():

@@ -10,15 +10,13 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from radcam_depth_ros.engine import Engine
+from radcam_depth_ros.engine import MODES, PRECISIONS, Engine
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import NETWORK_MULTIPLE
 from radcam_depth_ros.networks import Depths, Network, archive, registry
 from radcam_depth_ros.networks.archive import Archive, Card
 
-MODES = ("frozen", "eager")
-PRECISIONS = ("auto", "float32", "bfloat16")
 CAMERA_HEIGHT_M = 1.5
 
 

@@ -14,7 +14,6 @@ from radcam_depth_ros.cli.networks import networks
 from radcam_depth_ros.cli.replay import replay
 from radcam_depth_ros.cli.simulate import simulate
 from radcam_depth_ros.cli.train import train
-from radcam_depth_ros.frame import RadcamDepthError
 
 BAD_INPUT = 2
 """Exit code for what a user can mend; the sentence on stderr says how."""
@@ -35,6 +34,10 @@ def main() -> None:
     """Runs the command; a mistake of the user's ends with one sentence and exit code 2."""
     try:
         app()
-    except RadcamDepthError as error:
+    except Exception as error:
+        from radcam_depth_ros.frame import RadcamDepthError  # here, since it brings numpy, which --help can do without
+
+        if not isinstance(error, RadcamDepthError):
+            raise
         print(f"radcam-depth: {error}", file=sys.stderr)
         sys.exit(BAD_INPUT)

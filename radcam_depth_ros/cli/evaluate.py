@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.cli.options import (
     Bag,
     DeviceOption,
@@ -20,18 +19,17 @@ from radcam_depth_ros.cli.options import (
     JsonOption,
     ModelOption,
     NetworkOption,
+    PrecisionOption,
     RadarOption,
     load_estimator,
     progress_bar,
     write_json,
 )
-from radcam_depth_ros.drive import DriveSettings, Sample, read_samples
-from radcam_depth_ros.estimator import Estimator
-from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive
-from radcam_depth_ros.evaluation.metrics import EvaluationError
-from radcam_depth_ros.evaluation.panels import PanelKeeper
-from radcam_depth_ros.evaluation.report import write_report
-from radcam_depth_ros.evaluation.tables import Fact, Table, distance_table, facts_of, summary_table, tables_of
+
+if TYPE_CHECKING:
+    from radcam_depth_ros.drive import DriveSettings, Sample
+    from radcam_depth_ros.estimator import Estimator
+    from radcam_depth_ros.evaluation.tables import Fact, Table
 
 
 def evaluate(
@@ -53,6 +51,7 @@ def evaluate(
     lidar: Annotated[str | None, typer.Option(help="Topic of the LiDAR; found likewise.")] = None,
     depth: Annotated[str | None, typer.Option(help="Topic of true depth images; found likewise.")] = None,
     device: DeviceOption = "cpu",
+    precision: PrecisionOption = "auto",
 ) -> None:
     """Measures a network's depth against ground truth, beside what geometry alone gives.
 
@@ -61,6 +60,13 @@ def evaluate(
     Example: radcam-depth simulate out/test --seed 1000000 --frames 40 &&
     radcam-depth evaluate out/test --report out/evaluation.html
     """
+    from radcam_depth_ros.drive import DriveSettings, read_samples
+    from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive
+    from radcam_depth_ros.evaluation.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.panels import PanelKeeper
+    from radcam_depth_ros.evaluation.report import write_report
+    from radcam_depth_ros.evaluation.tables import Fact, distance_table, facts_of, summary_table, tables_of
+
     settings = DriveSettings(
         image=image,
         radars=tuple(radar) if radar else None,
@@ -69,7 +75,7 @@ def evaluate(
         camera_height_m=camera_height or 0.0,
     )
     frames = _count_frames(bag, settings)
-    estimator = load_estimator(network, model, device)
+    estimator = load_estimator(network, model, device, precision)
     keeper = PanelKeeper() if report else None
     with progress_bar() as progress:
         samples = progress.track(
@@ -98,6 +104,9 @@ def evaluate(
 
 def _count_frames(bag: Path, settings: DriveSettings) -> int:
     """The number of images in a bag that has ground truth."""
+    from radcam_depth_ros.bags import BagReader
+    from radcam_depth_ros.evaluation.metrics import EvaluationError
+
     with BagReader(bag) as reader:
         topics = settings.topics(reader)
         if topics.depth is None and topics.lidar is None:

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from radcam_depth_ros.cli.options import ModelOption, NetworkOption
-from radcam_depth_ros.networks import archive
 
 
 def export(
@@ -20,5 +19,7 @@ def export(
 
     Example: radcam-depth export out/baff.pt --network baff
     """
+    from radcam_depth_ros.networks import archive
+
     archive.export(archive.load(model or network), out)
     typer.echo(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB", err=True)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
-from radcam_depth_ros.bags import BagError, BagReader
-from radcam_depth_ros.bags.topics import find_topics
 from radcam_depth_ros.cli.options import Bag, JsonOption, write_json
+
+if TYPE_CHECKING:
+    from radcam_depth_ros.bags import BagReader
 
 
 def inspect(bag: Bag, json_target: JsonOption = None) -> None:
@@ -17,6 +18,8 @@ def inspect(bag: Bag, json_target: JsonOption = None) -> None:
 
     Example: radcam-depth simulate out/seen --seed 7 --frames 20 && radcam-depth inspect out/seen
     """
+    from radcam_depth_ros.bags import BagReader
+
     with BagReader(bag) as reader:
         seconds = reader.duration_ns / 1e9
         roles, missing = _roles(reader)
@@ -46,6 +49,9 @@ def inspect(bag: Bag, json_target: JsonOption = None) -> None:
 
 def _roles(reader: BagReader) -> tuple[dict[str, str], str]:
     """Topic to role, and what is missing for a replay."""
+    from radcam_depth_ros.bags import BagError
+    from radcam_depth_ros.bags.topics import find_topics
+
     try:
         found = find_topics(reader.topics)
     except BagError as error:

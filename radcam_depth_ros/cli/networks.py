@@ -8,7 +8,6 @@ from rich.console import Console
 from rich.table import Table
 
 from radcam_depth_ros.cli.options import JsonOption, write_json
-from radcam_depth_ros.networks import archive, registry
 
 
 def networks(json_target: JsonOption = None) -> None:
@@ -16,6 +15,8 @@ def networks(json_target: JsonOption = None) -> None:
 
     Example: radcam-depth networks --json -
     """
+    from radcam_depth_ros.networks import registry
+
     entries = [_entry(name) for name in registry.names()]
     if json_target is not None:
         write_json(entries, json_target)
@@ -30,6 +31,8 @@ def networks(json_target: JsonOption = None) -> None:
 
 
 def _entry(name: str) -> dict[str, Any]:
+    from radcam_depth_ros.networks import archive, registry
+
     has_weights = archive.shipped(name).is_file()
     loaded = archive.load(name) if has_weights else None
     network = loaded.network if loaded else registry.create(name)

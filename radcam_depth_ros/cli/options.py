@@ -6,15 +6,16 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from radcam_depth_ros.estimator import Estimator, EstimatorConfig
-from radcam_depth_ros.files import write_text
+# What is heavy to import is imported where it is used, here and in the verbs: --help answers at once.
+if TYPE_CHECKING:
+    from radcam_depth_ros.estimator import Estimator
 
 Bag = Annotated[Path, typer.Argument(help="A rosbag2 folder or .mcap file.")]
 NetworkOption = Annotated[str, typer.Option(help="A network whose weights come with the package.")]
@@ -22,6 +23,9 @@ ModelOption = Annotated[
     Path | None, typer.Option(help="A weight file (.safetensors or exported .pt), in place of --network.")
 ]
 DeviceOption = Annotated[str, typer.Option(help="cpu, or cuda.")]
+PrecisionOption = Annotated[
+    str, typer.Option(help="Number format of the network: float32, bfloat16, or auto, whichever is faster here.")
+]
 ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
 RadarOption = Annotated[list[str] | None, typer.Option(help="Topic of a radar; repeat it for several.")]
 JsonOption = Annotated[str | None, typer.Option("--json", help="Write the figures as JSON to a file, - for stdout.")]
@@ -32,9 +36,12 @@ class _RateColumn(ProgressColumn):
         return Text(f"{task.speed:.1f}/s" if task.speed else "-/s", style="progress.data.speed")
 
 
-def load_estimator(network: str, model: Path | None, device: str = "cpu") -> Estimator:
-    """The estimator that --network, --model and --device ask for."""
-    return Estimator(EstimatorConfig(network=network, model_file=str(model or ""), device=device))
+def load_estimator(network: str, model: Path | None, device: str, precision: str) -> Estimator:
+    """The estimator that --network, --model, --device and --precision ask for."""
+    from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+
+    config = EstimatorConfig(network=network, model_file=str(model or ""), device=device, precision=precision)
+    return Estimator(config)
 
 
 @contextmanager
@@ -53,6 +60,8 @@ def progress_bar() -> Iterator[Progress]:
 
 def write_json(values: Any, target: str) -> None:
     """Writes JSON to stdout for `-`, else to a file, whole or not at all."""
+    from radcam_depth_ros.files import write_text
+
     text = json.dumps(values, indent=2) + "\n"
     if target == "-":
         typer.echo(text, nl=False)

@@ -9,18 +9,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from radcam_depth_ros import replay as replaying
 from radcam_depth_ros.cli.options import (
     Bag,
     DeviceOption,
     ImageOption,
     ModelOption,
     NetworkOption,
+    PrecisionOption,
     RadarOption,
     load_estimator,
     progress_bar,
 )
-from radcam_depth_ros.drive import DriveSettings
 
 
 def replay(
@@ -29,6 +28,7 @@ def replay(
     network: NetworkOption = "baff",
     model: ModelOption = None,
     device: DeviceOption = "cpu",
+    precision: PrecisionOption = "auto",
     image: ImageOption = None,
     radar: RadarOption = None,
     encoding: Annotated[str, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).")] = "32FC1",
@@ -41,11 +41,14 @@ def replay(
 
     Example: radcam-depth simulate out/ride --seed 7 --frames 20 && radcam-depth replay out/ride out/depth.mcap
     """
+    from radcam_depth_ros import replay as replaying
+    from radcam_depth_ros.drive import DriveSettings
+
     settings = DriveSettings(image=image, radars=tuple(radar) if radar else None)
     options = replaying.ReplayOptions(
         depth_encoding=encoding, passthrough=passthrough, preview=preview, points=points, overwrite=overwrite
     )
-    estimator = load_estimator(network, model, device)
+    estimator = load_estimator(network, model, device, precision)
     with progress_bar() as progress:
         task = progress.add_task("replaying", total=None)
         summary = replaying.replay(

@@ -7,9 +7,7 @@ from typing import Annotated
 
 import typer
 
-from radcam_depth_ros import configuration
 from radcam_depth_ros.cli.options import progress_bar
-from radcam_depth_ros.frame import RadcamDepthError
 
 
 def simulate(
@@ -25,6 +23,9 @@ def simulate(
 
     Example: radcam-depth simulate out/drive --seed 7 --frames 20
     """
+    from radcam_depth_ros import configuration
+    from radcam_depth_ros.frame import RadcamDepthError
+
     try:
         from radcam_depth_ros import simulation  # here, so that all other verbs run without the extra `sim`
     except ModuleNotFoundError as error:

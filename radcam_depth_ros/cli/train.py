@@ -8,22 +8,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 import yaml
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from radcam_depth_ros import configuration
-from radcam_depth_ros.files import write_text
-from radcam_depth_ros.networks import archive, registry
-from radcam_depth_ros.training.cache import CacheSettings
-from radcam_depth_ros.training.data import find_bags, load_data
-from radcam_depth_ros.training.fit import RUN_FILE, FitResult, Limits, StepReport, Trainer, TrainingData
-from radcam_depth_ros.training.recipe import TrainingConfig
-from radcam_depth_ros.training.samples import TrainingError
-from radcam_depth_ros.training.validation import ValidationResult
+if TYPE_CHECKING:
+    from radcam_depth_ros.training.fit import FitResult, StepReport, TrainingData
+    from radcam_depth_ros.training.recipe import TrainingConfig
+    from radcam_depth_ros.training.validation import ValidationResult
 
 STOPPED = 130
 """Exit code of a run that was stopped by a signal, as shells have it for Ctrl-C."""
@@ -65,6 +60,12 @@ def train(
     Example: radcam-depth simulate out/drives/0 --seed 0 --frames 20 &&
     radcam-depth train --bags out/drives --out out/run --minutes 1
     """
+    from radcam_depth_ros import configuration
+    from radcam_depth_ros.files import write_text
+    from radcam_depth_ros.training.fit import RUN_FILE, Limits, Trainer
+    from radcam_depth_ros.training.recipe import TrainingConfig
+    from radcam_depth_ros.training.samples import TrainingError
+
     console = Console(stderr=True)
     given = [*(bags or []), *(more_bags or [])]
     if resume:
@@ -123,6 +124,13 @@ def _new_plan(
     init: str | None,
 ) -> dict[str, Any]:
     """What a run is made of, as its run.yaml has it."""
+    from radcam_depth_ros import configuration
+    from radcam_depth_ros.networks import archive, registry
+    from radcam_depth_ros.training.data import find_bags
+    from radcam_depth_ros.training.fit import RUN_FILE
+    from radcam_depth_ros.training.recipe import TrainingConfig
+    from radcam_depth_ros.training.samples import TrainingError
+
     if not bags:
         raise TrainingError("give the bags to train on: --bags FOLDER")
     if (out / RUN_FILE).exists():
@@ -146,6 +154,9 @@ def _new_plan(
 
 
 def _read_plan(out: Path) -> dict[str, Any]:
+    from radcam_depth_ros.training.fit import RUN_FILE
+    from radcam_depth_ros.training.samples import TrainingError
+
     path = out / RUN_FILE
     try:
         plan = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -158,6 +169,10 @@ def _read_plan(out: Path) -> dict[str, Any]:
 
 
 def _load(plan: dict[str, Any], recipe: TrainingConfig, processes: int, progress: Progress) -> TrainingData:
+    from radcam_depth_ros.networks import registry
+    from radcam_depth_ros.training.cache import CacheSettings
+    from radcam_depth_ros.training.data import load_data
+
     architecture = registry.create_config(plan["network"], recipe.architecture)
     settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m)
     bags = [Path(bag) for bag in plan["bags"]]

@@ -23,6 +23,7 @@ from radcam_depth_ros import configuration
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import registry
+from radcam_depth_ros.networks.folding import folded
 from radcam_depth_ros.networks.interface import Network
 
 CARD_FORMAT = 1
@@ -151,13 +152,17 @@ def export(archive: Archive, path: Path | str) -> None:
         torch.jit.save(module, str(temporary), _extra_files={CARD_ENTRY: _card_text(archive.card)})
 
 
-def freeze(network: nn.Module) -> torch.jit.ScriptModule:
-    """Scripts a network, folds its constants and batch norms; a module that is frozen already is returned as it is."""
+def freeze(network: nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.ScriptModule:
+    """Scripts a copy of a network with its batch norms and constants folded; the network itself stays as it is.
+
+    Args:
+        network: Any scriptable module; one that is frozen already, from an export, is returned as it is.
+        dtype: Of its weights and maps, rounded after folding.
+    """
     if isinstance(network, torch.jit.ScriptModule):
         return network
     with _quiet_jit():
-        scripted = torch.jit.script(network.eval())
-        return cast(torch.jit.ScriptModule, torch.jit.freeze(scripted))
+        return cast(torch.jit.ScriptModule, torch.jit.freeze(torch.jit.script(folded(network, dtype))))
 
 
 def _load_weights(path: Path) -> Archive:

@@ -57,8 +57,8 @@ class PointEncoder(nn.Module):
             width = out
         self.layers = nn.Sequential(*layers)
 
-    def forward(self, radar: Tensor, height: int) -> Tensor:
-        """Takes (B, N, 6) returns on an image of that height to (B, N, 128)."""
+    def forward(self, radar: Tensor, height: int, dtype: torch.dtype) -> Tensor:
+        """Takes (B, N, 6) float32 returns on an image of that height to (B, N, 128) of the type that layers have."""
         v, depth = radar[:, :, 1], radar[:, :, 2].clamp(self.min_depth_m, self.max_depth_m)
         rcs, speed = radar[:, :, 3], radar[:, :, 4]
         log_depth = torch.log(depth / self.min_depth_m) / math.log(self.max_depth_m / self.min_depth_m)
@@ -75,7 +75,7 @@ class PointEncoder(nn.Module):
             ],
             dim=2,
         )
-        result: Tensor = self.layers(features)
+        result: Tensor = self.layers(features.to(dtype))
         return result
 
 
@@ -130,7 +130,7 @@ class EmbeddingAssociation(nn.Module):
         maps = self.encoder(image)
         x_1_8 = self.up_1_8(self.up_1_16(maps[4], maps[3]), maps[2])
         x_1_4 = self.up_1_4(x_1_8, maps[1])
-        known = self.points(radar, image.shape[2])
+        known = self.points(radar, image.shape[2], image.dtype)
         seen_1_4, seen_1_8 = _sample(x_1_4, radar, 4), _sample(x_1_8, radar, 8)
         known = torch.cat([known, seen_1_4.to(known.dtype), seen_1_8.to(known.dtype)], dim=2)
         points: Tensor = self.point_head(self.joint(known))
@@ -244,7 +244,7 @@ class RegionAssociation(nn.Module):
         start = start.clamp(-self.cells, width // self.cell_px).long()
         cell = start.unsqueeze(2) + torch.arange(self.cells, device=radar.device)
         skips = [_regions(level, cell, width // self.cell_px) for level in maps]
-        radar_map = self.expand(self.points(radar, height))
+        radar_map = self.expand(self.points(radar, height, maps[0].dtype))
         radar_map = radar_map.reshape(batch * radar.shape[1], 128, self.radar_map_size[0], self.radar_map_size[1])
         radar_map = functional.interpolate(
             radar_map, size=(height // self.cell_px, self.cells), mode="bilinear", align_corners=False

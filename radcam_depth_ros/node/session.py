@@ -158,6 +158,7 @@ class Session:
     def _work(self, ticket: Ticket) -> None:
         started_ns = self.busy_since_ns = time.monotonic_ns()
         try:
+            self.pipeline.warm_up(ticket.frame.camera)
             messages = self.pipeline.process(
                 ticket.frame, preview=self._outputs.is_wanted("preview"), points=self._outputs.is_wanted("points")
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from radcam_depth_ros.engine import PRECISIONS
 from radcam_depth_ros.estimator import OUTPUT_SIZES
 from radcam_depth_ros.messages import DEPTH_ENCODINGS
 from radcam_depth_ros.parameters.config import IMAGE_TRANSPORTS
@@ -102,6 +103,13 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         "Weight file in place of the network's own: .safetensors with its card, or an exported .pt.",
     ),
     ParameterSpec("device", "estimator.device", "Where the network runs: cpu, cuda, cuda:1 ..."),
+    ParameterSpec(
+        "precision",
+        "estimator.precision",
+        "Number format of the network: float32, bfloat16, or auto: whichever is measured to be faster when the node is "
+        "configured.",
+        choices=PRECISIONS,
+    ),
     ParameterSpec("threads", "estimator.threads", "CPU threads of the network; 0 leaves it to torch.", 0, 256),
     ParameterSpec(
         "output_size",

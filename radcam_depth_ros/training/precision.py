@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from pathlib import Path
 
 import torch
 
+from radcam_depth_ros.engine import processor_has_bfloat16
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -41,7 +41,7 @@ class Precision:
             raise TrainingError(f"device must be 'cpu' or 'cuda', got {device!r}") from None
         if place.type == "cuda" and not torch.cuda.is_available():
             raise TrainingError("device is 'cuda', but this machine has no GPU that torch can use; set device: cpu")
-        native = place.type == "cuda" or _processor_has_bfloat16()
+        native = place.type == "cuda" or processor_has_bfloat16()
         wanted = precision == "bfloat16" or (precision == "auto" and native)
         return cls(place, torch.bfloat16 if wanted else torch.float32)
 
@@ -50,11 +50,3 @@ class Precision:
         if self.dtype == torch.float32:
             return nullcontext()
         return torch.autocast(self.device.type, self.dtype)
-
-
-def _processor_has_bfloat16() -> bool:
-    try:
-        flags = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-    except OSError:
-        return False
-    return "avx512_bf16" in flags or "amx_bf16" in flags

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,7 @@ from radcam_depth_ros import cli
 from radcam_depth_ros.benchmarking import comparison, machine, measurement
 from radcam_depth_ros.benchmarking.comparison import Against
 from radcam_depth_ros.benchmarking.subject import Size, Subject
+from radcam_depth_ros.cli.bench_request import parse_against
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks.baff import PAPER
 
@@ -21,9 +21,7 @@ SIZE = Size(448, 800, 60)
 
 @pytest.fixture
 def parse() -> Callable[[str], Against]:
-    # The package's attribute of that name is the verb itself.
-    module = importlib.import_module("radcam_depth_ros.cli.bench")
-    return lambda spec: module._parse_against(spec, Subject("baff", precision="bfloat16"))
+    return lambda spec: parse_against(spec, Subject("baff", precision="bfloat16"))
 
 
 def test_the_papers_form_is_eager_float32_at_the_images_own_size(parse: Callable[[str], Against]) -> None:

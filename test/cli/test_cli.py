@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +15,7 @@ from radcam_depth_ros import cli, networks
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.networks import archive
 
+ROOT = Path(__file__).parents[2]
 VERBS = sorted(str(command.name or command.callback.__name__) for command in cli.app.registered_commands)
 
 
@@ -37,6 +40,23 @@ def test_each_help_shows_an_example(verb: str) -> None:
     result = run(verb, "--help")
     assert result.exit_code == 0
     assert f"radcam-depth {verb}" in " ".join(result.output.replace("│", " ").split())
+
+
+@pytest.mark.parametrize("verb", ["", *VERBS])
+def test_help_imports_nothing_heavy(verb: str) -> None:
+    script = f"""
+import sys
+from typer.testing import CliRunner
+from radcam_depth_ros import cli
+assert CliRunner().invoke(cli.app, {[*verb.split(), "--help"]}).exit_code == 0
+print(cli.__file__, *({{"torch", "cv2", "rosbags", "embreex", "numpy", "matplotlib"}} & sys.modules.keys()))
+"""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(ROOT / "radcam_depth_ros" / "cli" / "__init__.py")]
 
 
 def test_inspect(tmp_path: Path, write_drive: Callable[..., Path]) -> None:

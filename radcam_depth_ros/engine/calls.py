@@ -1,0 +1,87 @@
+"""Calling a network frame by frame, without anything that is kept between frames."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from radcam_depth_ros.networks import Depths
+
+WARM_UP_RETURNS = 8
+CALLS_TO_SPECIALISE = 2
+
+
+def forward(
+    network: nn.Module,
+    image: Tensor,
+    radar: Tensor,
+    valid: Tensor,
+    ground: Tensor,
+    dtype: torch.dtype,
+    layout: torch.memory_format = torch.channels_last,
+) -> Depths:
+    """Calls a network with one frame.
+
+    Args:
+        network: Its weights are in `dtype`, on the device of all the tensors.
+        image: (H, W, 3) uint8. Its memory is that of a channels_last image already.
+        radar: (N, 6) float32.
+        valid: (N,) bool.
+        ground: (3,) float32.
+        dtype: What the network computes in.
+        layout: Memory format of the image that the network is given.
+
+    Returns:
+        Depths in float32, on the same device.
+    """
+    # bfloat16 holds 0 to 255 exactly, so the division is what rounds.
+    pixels = image.permute(2, 0, 1).unsqueeze(0).to(dtype, memory_format=layout) / 255.0
+    depths = network(pixels, radar.unsqueeze(0), valid.unsqueeze(0), ground.unsqueeze(0))
+    return Depths(*(maps.float() for maps in depths))
+
+
+class PlainCalls:
+    """Calls a network as it is.
+
+    Args:
+        network: Its weights are in `dtype` and on `device`.
+        device: Where it runs.
+        dtype: What it computes in.
+        layout: Memory format of the image that it is given.
+    """
+
+    def __init__(
+        self,
+        network: nn.Module,
+        device: torch.device,
+        dtype: torch.dtype,
+        layout: torch.memory_format = torch.channels_last,
+    ) -> None:
+        self._network = network
+        self._device = device
+        self._dtype = dtype
+        self._layout = layout
+        self._is_specialised = False
+
+    def run(self, image: Tensor, radar: Tensor, ground: Tensor) -> Depths:
+        """As `Engine.run`."""
+        with torch.inference_mode():
+            image, radar, ground = (tensor.to(self._device) for tensor in (image, radar, ground))
+            valid = torch.ones(len(radar), dtype=torch.bool, device=self._device)
+            depths = forward(self._network, image, radar, valid, ground, self._dtype, self._layout)
+            return Depths(*(maps.cpu() for maps in depths))
+
+    def warm_up(self, height: int, width: int) -> None:
+        """Runs frames of that size until the network is specialised; at once where it is."""
+        # TorchScript profiles the first call and optimises in the second. What comes out serves all sizes: a first
+        # frame of another size is not measurably slower than those after it.
+        if not self._is_specialised:
+            for _ in range(CALLS_TO_SPECIALISE):
+                self.run(*blank_frame(height, width, WARM_UP_RETURNS))
+        self._is_specialised = True
+
+
+def blank_frame(height: int, width: int, returns: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Image, radar and ground of a black image with so many returns in its middle, 10 m away."""
+    at = torch.tensor([0.5 * width, 0.5 * height, 10.0, 0.0, 0.0, 0.0])
+    return torch.zeros(height, width, 3, dtype=torch.uint8), at.repeat(returns, 1), torch.full((3,), float("nan"))

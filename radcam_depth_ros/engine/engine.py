@@ -1,0 +1,133 @@
+"""A network that is ready to run on a device: the one place that decides how it is called."""
+
+from __future__ import annotations
+
+import copy
+import ctypes
+
+import torch
+from torch import Tensor, nn
+
+from radcam_depth_ros.engine.calls import PlainCalls
+from radcam_depth_ros.engine.graphs import CudaGraphs
+from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
+from radcam_depth_ros.networks import Depths, archive
+from radcam_depth_ros.networks.folding import folded
+
+MODES = ("frozen", "eager")
+
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_KEPT_BYTES = 1 << 30
+
+
+class Engine:
+    """A network on a device, in one number format.
+
+    Frozen: on a CPU batch norms are folded and the network is frozen TorchScript with channels_last weights; on a GPU
+    it runs as CUDA graphs. Eager is the reference: the network as it was written, in float32 unless told otherwise.
+
+    Args:
+        network: A `Network`, which stays as it is, or the script module of an export, which runs as it was exported.
+        device: `cpu`, `cuda`, `cuda:1` and so on.
+        precision: One of `PRECISIONS`; see `precision.choose`.
+        mode: One of `MODES`.
+
+    Raises:
+        EngineError: when the device is not there, or the network cannot be run as asked.
+    """
+
+    def __init__(
+        self, network: nn.Module, device: str | torch.device = "cpu", precision: str = "auto", mode: str = "frozen"
+    ) -> None:
+        if mode not in MODES:
+            raise EngineError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
+        place = _usable(device)
+        self._mode = mode
+        self._format = _number_format(network, place, precision, mode)
+        if place.type == "cpu":
+            _keep_freed_memory()
+        dtype = self._format.dtype
+        self._calls: PlainCalls | CudaGraphs
+        if mode == "eager":
+            reference = copy.deepcopy(network).eval().to(place, dtype)
+            self._calls = PlainCalls(reference, place, dtype, torch.contiguous_format)
+        elif place.type == "cuda":
+            self._calls = CudaGraphs(folded(network, dtype, place), place, dtype)
+        else:
+            self._calls = PlainCalls(archive.freeze(network, dtype), place, dtype)
+        self._sizes: set[tuple[int, int]] = set()
+
+    @property
+    def precision(self) -> str:
+        """The number format of weights and maps: `float32` or `bfloat16`."""
+        return self._format.name
+
+    def describe(self) -> str:
+        """One line: the number format, why, and how the network is called where that is not the usual way."""
+        words = f"{self.precision} ({self._format.reason})"
+        if self._mode == "eager":
+            return f"{words}, eager"
+        return f"{words}, {self._calls.describe()}" if isinstance(self._calls, CudaGraphs) else words
+
+    def run(self, image: Tensor, radar: Tensor, ground: Tensor) -> Depths:
+        """Estimates the depth of one frame.
+
+        Args:
+            image: (H, W, 3) uint8 RGB, contiguous, on the CPU; H and W are multiples of 32.
+            radar: (N, 6) float32 on the CPU, columns of `networks.RADAR_COLUMNS`; N may be 0.
+            ground: (3,) float32 on the CPU: the flat road's inverse depth a u + b v + c, NaN where unknown.
+
+        Returns:
+            float32 on the CPU: `dense` and `confidence` (1, 1, H, W); `semi_dense` (1, 1, h, w) may be smaller by a
+            whole factor. The memory is the caller's: later frames do not write it.
+        """
+        return self._calls.run(image, radar, ground)
+
+    def warm_up(self, height: int, width: int) -> None:
+        """Makes frames of a size as fast as they will be; at once where that has been done for the size."""
+        if (height, width) not in self._sizes:
+            self._calls.warm_up(height, width)
+            self._sizes.add((height, width))
+
+
+def _usable(device: str | torch.device) -> torch.device:
+    try:
+        place = torch.device(device)
+        torch.zeros(1, device=place)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise EngineError(
+            f"device {str(device)!r} cannot be used: {reason}; use cpu, or cuda with a CUDA build of torch"
+        ) from None
+    return place
+
+
+def _number_format(network: nn.Module, device: torch.device, precision: str, mode: str) -> NumberFormat:
+    check_precision(precision)
+    if isinstance(network, torch.jit.ScriptModule):
+        if precision == "bfloat16":
+            raise EngineError(
+                "expected precision auto or float32 for an exported .pt file, which runs as it was exported, got "
+                "bfloat16; give the .safetensors weights in its place"
+            )
+        if device.type != "cpu":
+            raise EngineError(
+                f"expected device cpu for an exported .pt file, whose weights stay on the CPU, got {device}; "
+                "give the .safetensors weights in its place"
+            )
+        return NumberFormat(torch.float32, "as exported")
+    if mode == "eager" and precision == "auto":
+        return NumberFormat(torch.float32, "the reference")
+    return choose(precision, device)
+
+
+def _keep_freed_memory() -> None:
+    """Lets the C library keep what a frame frees for the next frame, where it is glibc.
+
+    It hands large blocks back to the system otherwise, which fills them with zeros again, page by page, for each
+    frame's maps: see docs/decisions.md for what that costs.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, _KEPT_BYTES)
+        mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)

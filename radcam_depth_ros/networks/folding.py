@@ -1,0 +1,35 @@
+"""Batch norms folded into the convolutions before them, for networks that only run."""
+
+import copy
+
+import torch
+from torch import nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+
+def folded(network: nn.Module, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu") -> nn.Module:
+    """A copy of a network for inference, in which convolutions do the work of the batch norms that follow them.
+
+    Args:
+        network: Any module; it is left as it is. Where a convolution and its batch norm are neighbours in an
+            `nn.Sequential`, they become one; other batch norms stay.
+        dtype: Of the copy's weights, rounded once, after folding.
+        device: Where the copy is.
+
+    Returns:
+        The copy, in evaluation mode, its weights channels_last.
+    """
+    result = copy.deepcopy(network).eval()
+    for module in result.modules():
+        if isinstance(module, nn.Sequential):
+            _fold_members(module)
+    # Convolutions on a CPU run about a third faster with channels last.
+    return result.to(device=device, dtype=dtype, memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]  # torch's types lack the last
+
+
+def _fold_members(members: nn.Sequential) -> None:
+    for index in range(len(members) - 1):
+        convolution, norm = members[index], members[index + 1]
+        if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+            members[index] = fuse_conv_bn_eval(convolution, norm)
+            members[index + 1] = nn.Identity()

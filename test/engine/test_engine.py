@@ -1,0 +1,169 @@
+from __future__ import annotations
+
+import copy
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from radcam_depth_ros import networks
+from radcam_depth_ros.engine import MODES, PRECISIONS, Engine, EngineError
+from radcam_depth_ros.engine import engine as engine_module
+from radcam_depth_ros.engine.calls import blank_frame
+from radcam_depth_ros.networks import Depths, archive
+from radcam_depth_ros.networks.folding import folded
+
+Frame = tuple[Tensor, Tensor, Tensor]
+FORMS = [("baff", {"association": "embedding"}), ("baff", {"association": "regions", "radar_map_size": [4, 5]})]
+
+
+class Tiny(nn.Module):
+    """Convolutions with and without batch norms, and what a network must do with its other inputs."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.first = nn.Sequential(nn.Conv2d(3, 8, 3, 2, 1, bias=False), nn.BatchNorm2d(8), nn.LeakyReLU(0.2))
+        self.second = nn.Sequential(nn.Conv2d(8, 8, 3, 1, 1), nn.BatchNorm2d(8))
+        self.head = nn.Conv2d(8, 1, 1)
+        self.points = nn.Linear(6, 1)
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        maps = self.head(self.second(self.first(image)))
+        near = (self.points(radar.to(image.dtype)).squeeze(2) * valid).sum(dim=1).reshape(-1, 1, 1, 1)
+        semi_dense = (maps + near).float() + torch.nan_to_num(ground).sum()
+        dense = nn.functional.interpolate(semi_dense, scale_factor=2.0, mode="nearest")
+        return Depths(dense, semi_dense, torch.sigmoid(dense))
+
+
+def tiny() -> Tiny:
+    torch.manual_seed(0)
+    network = Tiny()
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            nn.init.uniform_(module.weight, 0.5, 1.5)
+            nn.init.normal_(module.running_mean)
+            nn.init.uniform_(module.running_var, 0.5, 2.0)
+    return network.eval()
+
+
+def frame(height: int = 64, width: int = 96, returns: int = 5) -> Frame:
+    generator = torch.Generator().manual_seed(1)
+    image = torch.randint(0, 256, (height, width, 3), dtype=torch.uint8, generator=generator)
+    scale = torch.tensor([width, height, 60.0, 20.0, 10.0, 0.1])
+    return image, torch.rand(returns, 6, generator=generator) * scale, torch.tensor([0.0, 1 / 945, -0.03])
+
+
+def reference(network: nn.Module, given: Frame) -> Depths:
+    image, radar, ground = given
+    with torch.inference_mode():
+        pixels = image.permute(2, 0, 1).unsqueeze(0).float() / 255.0
+        valid = torch.ones(1, len(radar), dtype=torch.bool)
+        return Depths(*network(pixels, radar.unsqueeze(0), valid, ground.unsqueeze(0)))
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("size", "returns"), [((64, 96), 5), ((32, 32), 0), ((96, 64), 130)])
+def test_depth_is_that_of_the_network_whatever_the_size(mode: str, size: tuple[int, int], returns: int) -> None:
+    network = tiny()
+    engine = Engine(network, precision="float32", mode=mode)
+    engine.warm_up(64, 96)
+    given = frame(*size, returns)
+    depths = engine.run(*given)
+    for got, expected in zip(depths, reference(network, given), strict=True):
+        torch.testing.assert_close(got, expected, rtol=1e-4, atol=1e-4)
+    assert depths.dense.shape == (1, 1, *size)
+    assert depths.semi_dense.shape == (1, 1, size[0] // 2, size[1] // 2)
+
+
+def test_the_caller_s_network_stays_as_it_is() -> None:
+    network = tiny().train()
+    before = copy.deepcopy(network.state_dict())
+    for mode in MODES:
+        Engine(network, precision="bfloat16", mode=mode).run(*frame())
+    assert network.training
+    assert network.state_dict().keys() == before.keys()
+    for name, value in network.state_dict().items():
+        torch.testing.assert_close(value, before[name], rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_bfloat16_is_near_and_comes_back_as_float32(mode: str) -> None:
+    network, given = tiny(), frame()
+    engine = Engine(network, precision="bfloat16", mode=mode)
+    assert engine.precision == "bfloat16"
+    for got, expected in zip(engine.run(*given), reference(network, given), strict=True):
+        assert got.dtype == torch.float32
+        torch.testing.assert_close(got, expected, rtol=0.05, atol=0.2)
+
+
+@pytest.mark.parametrize(("name", "architecture"), FORMS, ids=[str(form["association"]) for _, form in FORMS])
+def test_every_network_runs_in_bfloat16(name: str, architecture: dict[str, object]) -> None:
+    torch.manual_seed(0)
+    network = networks.create(name, architecture).eval()
+    assert {form for form, _ in FORMS} == set(networks.names())
+    engine = Engine(network, precision="bfloat16")
+    for returns in (0, 9):
+        given = frame(returns=returns)
+        depths = engine.run(*given)
+        assert {maps.dtype for maps in depths} == {torch.float32}
+        torch.testing.assert_close(depths.dense, reference(network, given).dense, rtol=0.1, atol=0.1)
+
+
+def test_later_frames_leave_earlier_results_alone() -> None:
+    engine = Engine(tiny(), precision="float32")
+    first = engine.run(*frame())
+    kept = first.dense.clone()
+    engine.run(*blank_frame(64, 96, 3))
+    torch.testing.assert_close(first.dense, kept, rtol=0, atol=0)
+
+
+def test_auto_is_float32_for_the_reference_and_one_of_both_else() -> None:
+    assert Engine(tiny(), mode="eager").describe() == "float32 (the reference), eager"
+    engine = Engine(tiny())
+    assert engine.precision in PRECISIONS[1:]
+    assert engine.describe().startswith(f"{engine.precision} (")
+
+
+def test_an_export_runs_in_float32_and_refuses_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    network = tiny()
+    exported = archive.freeze(network)
+    engine = Engine(exported)
+    assert engine.describe() == "float32 (as exported)"
+    torch.testing.assert_close(engine.run(*frame()).dense, reference(network, frame()).dense, rtol=1e-4, atol=1e-4)
+    with pytest.raises(EngineError, match=r"precision auto or float32 for an exported \.pt file.*got bfloat16"):
+        Engine(exported, precision="bfloat16")
+    monkeypatch.setattr(engine_module, "_usable", torch.device)
+    with pytest.raises(EngineError, match=r"expected device cpu for an exported \.pt file.*got cuda"):
+        Engine(exported, device="cuda")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"device": "warp"}, "device 'warp' cannot be used"),
+        ({"precision": "float16"}, "precision must be one of auto, float32, bfloat16, got 'float16'"),
+        ({"mode": "fast"}, "mode must be one of frozen, eager, got 'fast'"),
+    ],
+)
+def test_what_cannot_be(values: dict[str, str], message: str) -> None:
+    with pytest.raises(EngineError, match=message):
+        Engine(tiny(), **values)
+
+
+def test_a_size_is_warmed_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = Engine(tiny(), precision="float32")
+    seen: list[tuple[int, int]] = []
+    monkeypatch.setattr(engine._calls, "warm_up", lambda height, width: seen.append((height, width)))
+    for size in ((64, 96), (64, 96), (32, 64), (64, 96)):
+        engine.warm_up(*size)
+    assert seen == [(64, 96), (32, 64)]
+
+
+def test_batch_norms_are_folded_before_weights_are_rounded() -> None:
+    network = tiny()
+    ready = folded(network, torch.bfloat16)
+    assert not any(isinstance(module, nn.BatchNorm2d) for module in ready.modules())
+    assert ready.head.weight.is_contiguous(memory_format=torch.channels_last)
+    norm = network.first[1]
+    gain = (norm.weight / (norm.running_var + norm.eps).sqrt()).reshape(-1, 1, 1, 1)
+    torch.testing.assert_close(ready.first[0].weight, (network.first[0].weight * gain).bfloat16(), rtol=0, atol=0)
