@@ -61,6 +61,11 @@ class NodeProcess:
                 continue
 
     @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
     def problem(self) -> str | None:
         """The first error that it logged."""
         return next((line for line in self._lines() if line.startswith(("[ERROR]", "[FATAL]"))), None)

@@ -6,6 +6,7 @@ import sys
 
 import typer
 
+from radcam_depth_ros.cli.bench import bench
 from radcam_depth_ros.cli.evaluate import evaluate
 from radcam_depth_ros.cli.export import export
 from radcam_depth_ros.cli.inspect import inspect
@@ -19,13 +20,13 @@ BAD_INPUT = 2
 
 app = typer.Typer(
     name="radcam-depth",
-    help="Metric depth images from one camera and its radars: simulate, replay, evaluate, train.\n\n"
+    help="Metric depth images from one camera and its radars: simulate, replay, evaluate, train, measure.\n\n"
     "Example: radcam-depth simulate out/first --seed 7 --frames 20 && radcam-depth evaluate out/first --json -",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for verb in (simulate, replay, evaluate, train, export, networks, inspect):
+for verb in (simulate, replay, evaluate, train, export, networks, inspect, bench):
     app.command()(verb)
 
 

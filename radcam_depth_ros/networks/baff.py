@@ -4,7 +4,10 @@
 Autonomous Driving Vehicles", Electronics 2025. Section and equation numbers in comments are of that paper.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -94,6 +97,19 @@ class BaffConfig:
             )
         if not 0 < self.threshold < 1:
             raise ArchitectureError(f"threshold must lie between 0 and 1, got {self.threshold}")
+
+
+PAPER: Mapping[str, Any] = MappingProxyType(
+    {
+        "association": "regions",
+        "region_width_px": 288,
+        "radar_map_size": (28, 9),
+        "candidates": False,
+        "drawn_returns": False,
+        "ground_prior": False,
+    }
+)
+"""The paper's form, for images of 900 x 1600 as they are."""
 
 
 class Gate(nn.Module):
@@ -221,6 +237,18 @@ class Baff(Network):
 
     config_type = BaffConfig
     parts = ("association", "fusion")
+    stages = (
+        ("association", "association"),
+        ("image encoder", "fusion.image_encoder"),
+        ("depth encoder", "fusion.depth_encoder"),
+        *(("gates", f"fusion.gates.{index}") for index in range(5)),
+        *(("bidirectional fusion", f"fusion.top_down.{index}") for index in range(4)),
+        *(("bidirectional fusion", f"fusion.bottom_up.{index}") for index in range(4)),
+        *((f"attention 1/{2 << index}", f"fusion.attention.{index}") for index in range(4)),
+        *(("refinement", f"fusion.refine.{index}") for index in range(3)),
+        ("head", "fusion.head"),
+    )
+    paper = PAPER
 
     def __init__(self, config: BaffConfig) -> None:
         super().__init__(config)

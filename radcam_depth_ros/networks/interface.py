@@ -11,6 +11,8 @@ Depth is metres along the camera's z axis. Drawing radar into image planes happe
 nothing but its archive.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import torch
@@ -77,10 +79,16 @@ class Network(nn.Module):
         config_type: The frozen dataclass of the architecture.
         config: Its instance: architecture only, no loss weights, paths or devices.
         parts: Names of the submodules that can be trained one by one.
+        stages: What `radcam-depth bench` measures by itself, in order: a name to show, and the path of a submodule
+            that a forward pass calls exactly once ("fusion.image_encoder"); none lies within another. Submodules of
+            one name are one stage together; paths that an architecture lacks are left out.
+        paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
     """
 
     config_type: ClassVar[type[Any]]
     parts: ClassVar[tuple[str, ...]] = ()
+    stages: ClassVar[tuple[tuple[str, str], ...]] = ()
+    paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
 
     def __init__(self, config: Any) -> None:
         super().__init__()

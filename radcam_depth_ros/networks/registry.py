@@ -31,6 +31,13 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(_NETWORKS))
 
 
+def find(name: str) -> type[Network]:
+    """The class of a network; ArchitectureError for an unknown name."""
+    if name not in _NETWORKS:
+        raise ArchitectureError(f"unknown network {name!r}; known networks: {', '.join(names())}")
+    return _NETWORKS[name]
+
+
 def create_config(name: str, architecture: Mapping[str, Any] | None = None) -> Any:
     """Builds the config of a network, checked.
 
@@ -42,9 +49,7 @@ def create_config(name: str, architecture: Mapping[str, Any] | None = None) -> A
         ArchitectureError: for an unknown name, or values that do not fit together.
         ConfigurationError: for an unknown key.
     """
-    if name not in _NETWORKS:
-        raise ArchitectureError(f"unknown network {name!r}; known networks: {', '.join(names())}")
-    return configuration.build(_NETWORKS[name].config_type, architecture or {}, f"the architecture of {name}")
+    return configuration.build(find(name).config_type, architecture or {}, f"the architecture of {name}")
 
 
 def create(name: str, architecture: Mapping[str, Any] | None = None) -> Network:

@@ -32,7 +32,7 @@ def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> int:
 
 
 def test_all_verbs_are_there() -> None:
-    assert {"simulate", "replay", "evaluate", "train", "export", "networks", "inspect"} <= set(VERBS)
+    assert {"simulate", "replay", "evaluate", "train", "export", "networks", "inspect", "bench"} <= set(VERBS)
 
 
 @pytest.mark.parametrize("verb", VERBS)
