@@ -90,32 +90,31 @@ class Subject:
         """Loads the network, with the weights that fit its architecture, or random ones where there are none.
 
         Raises:
-            ArchiveError: when there are weights that cannot be read.
+            ArchiveError: when `model_file` cannot be read.
             ArchitectureError: for an unknown network or an architecture that cannot be.
             ConfigurationError: for an unknown key of the architecture.
         """
         if self.threads:
             torch.set_num_threads(self.threads)
-        found = self._archive()
-        if found is None:
-            return self._with_random_weights(self.network, self.architecture)
+        try:
+            found = archive.load(self.model_file or self.network)
+        except RadcamDepthError as error:
+            # Time does not depend on weights: an architecture that is being worked on, whose weights are not there yet
+            # or are of an earlier form, can be measured all the same.
+            if self.model_file or self.network not in registry.names():
+                raise
+            return self._with_random_weights(self.network, self.architecture, f": {error}")
         name, values = found.card.network, {**found.card.architecture, **self.architecture}
         if registry.create_config(name, values) == registry.create_config(name, found.card.architecture):
             return Loaded(found, self.model_file or "shipped")
         return self._with_random_weights(name, values)
 
-    def _archive(self) -> Archive | None:
-        if self.model_file:
-            return archive.load(self.model_file)
-        registry.find(self.network)
-        return archive.load(self.network) if archive.shipped(self.network).is_file() else None
-
     @staticmethod
-    def _with_random_weights(name: str, architecture: Mapping[str, Any]) -> Loaded:
+    def _with_random_weights(name: str, architecture: Mapping[str, Any], reason: str = "") -> Loaded:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(0)
             network = registry.create(name, architecture).eval()
-        return Loaded(Archive(network, Card.of(network, name, "nothing")), "random")
+        return Loaded(Archive(network, Card.of(network, name, "nothing")), f"random{reason}")
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,8 @@ class Loaded:
 
     Attributes:
         archive: The network and its card.
-        weights: `shipped`, `random`, or the file that they came from.
+        weights: `shipped`, the file that they came from, or `random` and, after a colon, why there are no shipped ones
+            that fit.
     """
 
     archive: Archive

@@ -99,7 +99,8 @@ def test_everything_is_measured(tiny: str) -> None:
     assert values["machine"]["threads"] == torch.get_num_threads()
     assert values["machine"]["cpu"]
     assert set(values["machine"]["best_gflops"]["float32"]) == {"convolution", "matrix_product"}
-    assert (values["network"], values["weights"], values["precision"]) == ("tiny", "random", "float32")
+    assert (values["network"], values["precision"]) == ("tiny", "float32")
+    assert values["weights"].startswith("random: no weights for 'tiny' come with this package")
     assert values["against"] is None
     assert [(row["height"], row["width"], row["points"]) for row in values["sizes"]] == [(32, 64, 5), (64, 64, 0)]
     row = values["sizes"][0]
@@ -124,7 +125,7 @@ def test_two_precisions_share_weights_and_their_depth_is_compared(tiny: str) -> 
     assert len(pair.ratios) == 3
     assert 0 < pair.depth_difference < 0.05
     values = report.as_json()["against"]
-    assert (values["spec"], values["precision"], values["weights"]) == ("precision=float32", "float32", "random")
+    assert (values["spec"], values["precision"]) == ("precision=float32", "float32")
     ratio = values["sizes"][0]["ratio"]
     assert ratio["median"] == pytest.approx(pair.quantile(0.5), rel=1e-3)
     assert len(ratio["pairs"]) == 3
@@ -166,6 +167,26 @@ def test_weights_are_shipped_or_random(small_weights: Path) -> None:
     again = Subject(model_file=file, architecture={"embedding_dims": 16}).load()
     for value, other in zip(loaded.network.parameters(), again.network.parameters(), strict=True):
         assert torch.equal(value, other)
+
+
+def test_shipped_weights_of_an_earlier_architecture_are_not_taken(
+    tiny: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    network = registry.create(tiny)
+    path = tmp_path / "tiny.safetensors"
+    card = archive.Card.of(network, tiny, "nothing")
+    archive.save(network, card, path)
+    monkeypatch.setattr(archive, "shipped", lambda name: path)
+    assert Subject(tiny).load().weights == "shipped"
+    card_path = path.with_suffix(".yaml")
+    card_path.write_text(card_path.read_text(encoding="utf-8").replace("width:", "breadth:"), encoding="utf-8")
+    assert Subject(tiny).load().weights.startswith("random: ")
+
+
+@pytest.mark.parametrize("subject", [Subject("nonsense"), Subject(model_file="nowhere.safetensors")])
+def test_what_is_not_there_cannot_be_loaded(subject: Subject) -> None:
+    with pytest.raises(archive.ArchiveError, match="no weight file at"):
+        subject.load()
 
 
 def test_inputs_are_always_the_same() -> None:
