@@ -36,22 +36,22 @@ class Depths(NamedTuple):
 class Association(NamedTuple):
     """Which pixels belong to which radar return, as training needs it.
 
-    logits: (B, N, h, w), of the probability that a pixel belongs to a return.
-    columns: (B, n, w) int64, the column of each logit in the image divided by `stride`, of the first n <= N returns;
-        -1 outside of the image, of the return's region of interest, or for padding. Only these are trained.
-    stride: pixels a logit, so h = H / stride.
+    logits: (B, M, h, w), of the probability that a pixel belongs to a return; M returns for each pixel, or column.
+    depth_m: The depths of these returns, broadcast to the shape of `logits`; NaN where a logit is not trained.
+    columns: (B, M, w) int64, the column of each logit in an image of h rows, -1 where it is not trained; None where
+        that is its own column.
     """
 
     logits: Tensor
-    columns: Tensor
-    stride: int
+    depth_m: Tensor
+    columns: Tensor | None
 
 
 class Candidates(NamedTuple):
-    """The depths between which a network chooses for each pixel.
+    """The depths between which a network chooses for each pixel, at the image's size or smaller by a whole factor.
 
-    logits: (B, K, H, W).
-    depth_m: (B, K, H, W) metres.
+    logits: (B, K, h, w).
+    depth_m: (B, K, h, w) metres.
     """
 
     logits: Tensor
@@ -77,10 +77,13 @@ class Network(nn.Module):
         config_type: The frozen dataclass of the architecture.
         config: Its instance: architecture only, no loss weights, paths or devices.
         parts: Names of the submodules that can be trained one by one.
+        stages: What a forward pass does, step by step, for measurements: the name of each step and the submodule that
+            is called once for it.
     """
 
     config_type: ClassVar[type[Any]]
     parts: ClassVar[tuple[str, ...]] = ()
+    stages: ClassVar[tuple[tuple[str, str], ...]] = ()
 
     def __init__(self, config: Any) -> None:
         super().__init__()
