@@ -1,8 +1,8 @@
 """Stage 1 of `baff`: which pixels belong to which radar return (Electronics 2025, section 3.2).
 
-Two forms. `RegionAssociation` is the paper's: a decoder pass over each return's region of the image.
-`EmbeddingAssociation` costs one decoder pass however many returns there are: each pixel and each return get a vector,
-and C_n(x) = sigmoid(f(x) . g(n) + b_n).
+Two forms. The paper's, a decoder pass over each return's region of the image, is in `regions`. `EmbeddingAssociation`
+costs one decoder pass however many returns there are: each pixel and each return get a vector, and
+C_n(x) = sigmoid(f(x) . g(n) + b_n).
 """
 
 import math
@@ -12,22 +12,15 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from radcam_depth_ros.networks.blocks import ConvBlock, ResidualEncoder, UpBlock, double
+from radcam_depth_ros.networks.blocks import UpSum
 from radcam_depth_ros.networks.interface import Association
+from radcam_depth_ros.networks.rasterise import CELL_PX, STRIDE, from_cells
 
-ENCODER_CHANNELS = (32, 64, 128, 128, 128)
-FEATURES = 64
-"""Features of the image at a quarter of its size, which stage 2 takes from stage 1."""
-
-CELL_PX = 32
-"""Size of a cell of the coarsest feature map."""
+FEATURES = (64, 48, 32)
+"""Features of the image at 1/16, 1/8 and 1/4; those at 1/4 are given to stage 2."""
 
 FEW = -3.0
 """Logit that training starts from: few pixels belong to a return."""
-
-SUPERVISED = 128
-"""Returns of a sample whose C_n is trained, the first ones: their order is random in training, and the loss of all
-would cost more than the rest of the network. All of them take part in the semi-dense depth."""
 
 OUTSIDE = -1.0e4
 """Logit of a pixel outside of a return's region: its probability is 0, and still a number in bfloat16."""
@@ -58,7 +51,7 @@ class PointEncoder(nn.Module):
         self.layers = nn.Sequential(*layers)
 
     def forward(self, radar: Tensor, height: int, dtype: torch.dtype) -> Tensor:
-        """Takes (B, N, 6) float32 returns on an image of that height to (B, N, 128) of the type that layers have."""
+        """Takes (B, N, 6) returns on an image of that height to (B, N, 128) of that type."""
         v, depth = radar[:, :, 1], radar[:, :, 2].clamp(self.min_depth_m, self.max_depth_m)
         rcs, speed = radar[:, :, 3], radar[:, :, 4]
         log_depth = torch.log(depth / self.min_depth_m) / math.log(self.max_depth_m / self.min_depth_m)
@@ -82,263 +75,172 @@ class PointEncoder(nn.Module):
 class EmbeddingAssociation(nn.Module):
     """Association by embedding, at a quarter of the image's size.
 
+    Each cell of 32 x 32 pixels first finds the returns that its mean vector suits best; its pixels choose among these.
+    So nothing of N x H x W is ever computed, let alone held.
+
     Deviations: g(n) is made of what the radar tells of a return and of the image's features where it projects to, so
     that f(x) . g(n) can say whether both show the same thing. b_n falls with the distance from the return's column and
     from its row, by learned amplitudes of four reaches each: where a pixel lies is known, and need not be learned as
     part of its vector; a radar without height simply gets a flat course along the rows.
 
     Args:
-        in_channels: Planes of the image input.
+        channels: Of the encoder's maps at 1/4, 1/8, 1/16, 1/32.
         points: Encoder of the returns.
         dims: Learned part of the vectors.
         region_width_px: Width of a return's region of interest.
+        considered: Returns that a cell finds.
     """
 
-    stride: Final[int] = 4
     reaches: Final[int] = 4
-    # The returns are gone through in this many parts, so that N x H x W values are never held at once.
-    parts: Final[int] = 8
+    cell_px: Final[int] = CELL_PX
+    stride: Final[int] = STRIDE
+    cell: Final[int] = CELL_PX // STRIDE
     outside: Final[float] = OUTSIDE
 
-    def __init__(self, in_channels: int, points: PointEncoder, dims: int, region_width_px: int) -> None:
+    def __init__(
+        self, channels: tuple[int, ...], points: PointEncoder, dims: int, region_width_px: int, considered: int
+    ) -> None:
         super().__init__()
         self.region_width_px = region_width_px
         self.dims = dims
-        self.encoder = ResidualEncoder(in_channels, ENCODER_CHANNELS)
+        self.considered = considered
         self.points = points
-        self.up_1_16 = UpBlock(128, 128, 128)
-        self.up_1_8 = UpBlock(128, 128, 96)
-        self.up_1_4 = UpBlock(96, 64, FEATURES)
-        self.pixel_head = nn.Conv2d(FEATURES, dims, 1)
-        self.joint = nn.Sequential(nn.Linear(128 + FEATURES + 96, 128), nn.LeakyReLU(0.2))
+        self.up_1_16 = UpSum(channels[3], channels[2], FEATURES[0])
+        self.up_1_8 = UpSum(FEATURES[0], channels[1], FEATURES[1])
+        self.up_1_4 = UpSum(FEATURES[1], channels[0], FEATURES[2])
+        self.pixel_head = nn.Conv2d(FEATURES[2], dims, 1)
+        self.joint = nn.Sequential(nn.Linear(128 + FEATURES[2] + FEATURES[1], 128), nn.LeakyReLU(0.2))
         self.point_head = nn.Linear(128, dims + 2 * self.reaches + 1)
         self.reach_px = (8.0, 24.0, 72.0, 216.0)
         nn.init.zeros_(self.point_head.bias)
         nn.init.constant_(self.point_head.bias[-1], FEW)
 
-    def vectors(self, image: Tensor, radar: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Encodes pixels and returns.
-
-        Args:
-            image: (B, C, H, W) image planes.
-            radar: (B, N, 6); N may be 0.
-
-        Returns:
-            f (B, dims, H / 4, W / 4); for each return (B, N, dims + 2 reaches + 1): g, the amplitudes of columns and
-            of rows, b; and the features that f is made of (B, FEATURES, H / 4, W / 4).
-        """
-        maps = self.encoder(image)
-        x_1_8 = self.up_1_8(self.up_1_16(maps[4], maps[3]), maps[2])
-        x_1_4 = self.up_1_4(x_1_8, maps[1])
-        known = self.points(radar, image.shape[2], image.dtype)
-        seen_1_4, seen_1_8 = _sample(x_1_4, radar, 4), _sample(x_1_8, radar, 8)
-        known = torch.cat([known, seen_1_4.to(known.dtype), seen_1_8.to(known.dtype)], dim=2)
-        points: Tensor = self.point_head(self.joint(known))
-        pixels: Tensor = self.pixel_head(x_1_4)
-        return pixels, points, x_1_4
-
-    def logits(self, pixels: Tensor, points: Tensor, radar: Tensor, valid: Tensor) -> Tensor:
-        """Vectors of pixels and returns to logits (B, N, h, w), `OUTSIDE` where a return cannot be."""
-        batch, _, height, width = pixels.shape
-        learned = points[:, :, : self.dims].to(pixels.dtype)
-        first, last = self.dims, self.dims + self.reaches
-        by_column, distance = self._course(points[:, :, first:last], radar[:, :, 0:1], width)
-        inside = (distance <= 0.5 * self.region_width_px) & valid.unsqueeze(2)
-        by_column = torch.where(inside, by_column + points[:, :, -1:].float(), torch.full_like(by_column, self.outside))
-        by_row, _ = self._course(points[:, :, self.dims + self.reaches : -1], radar[:, :, 1:2], height)
-        products = torch.bmm(learned, pixels.reshape(batch, self.dims, height * width))
-        products = products.reshape(batch, radar.shape[1], height, width)
-        return products + by_column.to(products.dtype).unsqueeze(2) + by_row.to(products.dtype).unsqueeze(3)
-
-    def _course(self, amplitudes: Tensor, centre: Tensor, size: int) -> tuple[Tensor, Tensor]:
-        """How b_n falls along an axis of `size` pixel vectors, (B, N, size), and the distance in pixels."""
-        place = (torch.arange(size, device=centre.device, dtype=torch.float32) + 0.5) * self.stride - 0.5
-        distance = (place.reshape(1, 1, -1) - centre.float()).abs()
-        course = torch.zeros_like(distance)
-        for index, reach in enumerate(self.reach_px):
-            course = course + amplitudes[:, :, index : index + 1].float() * torch.exp(-distance / reach)
-        return course, distance
-
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(
+        self, image: Tensor, maps: list[Tensor], radar: Tensor, valid: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Finds each pixel's return.
 
         Args:
-            image: (B, C, H, W) image planes.
+            image: (B, 3, H, W); this form needs its maps only.
+            maps: Of the encoder, at 1/4, 1/8, 1/16, 1/32.
             radar: (B, N, 6); N may be 0.
             valid: (B, N) bool.
 
         Returns:
             The greatest logit (B, 1, H / 4, W / 4) over the returns, the depth of its return, and features of the image
-            (B, FEATURES, H / 4, W / 4).
+            (B, 32, H / 4, W / 4).
         """
-        pixels, points, features = self.vectors(image, radar)
-        batch, _, height, width = pixels.shape
-        # Two padding rows a part: no part is empty, whatever N is, nor of one row, which torch.export takes for fixed.
-        points = functional.pad(points, (0, 0, 0, 2 * self.parts))
-        radar, valid = _pad(radar, valid, 2 * self.parts)
-        best = torch.full((batch, 1, height, width), self.outside, device=pixels.device, dtype=pixels.dtype)
-        depth = torch.zeros_like(best, dtype=torch.float32)
-        for part in range(self.parts):
-            returns = radar[:, part :: self.parts]
-            logits = self.logits(pixels, points[:, part :: self.parts], returns, valid[:, part :: self.parts])
-            strongest, chosen = _strongest(logits, returns[:, :, 2])
-            better = strongest > best
-            best, depth = torch.where(better, strongest, best), torch.where(better, chosen, depth)
-        return best, depth, features
+        logits, depths, features = self._hypotheses(maps, radar, valid)
+        best, depth = self._strongest(logits, depths)
+        rows, columns = maps[3].shape[2], maps[3].shape[3]
+        return from_cells(best, rows, columns, self.cell), from_cells(depth, rows, columns, self.cell), features
 
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Association, Tensor, Tensor, Tensor]:
-        """As `forward`, all returns at once, and before it their logits."""
-        pixels, points, features = self.vectors(image, radar)
-        count = radar.shape[1]
-        radar, valid = _pad(radar, valid, 2)
-        logits = self.logits(pixels, functional.pad(points, (0, 0, 0, 2)), radar, valid)
-        best, depth = _strongest(logits.detach(), radar[:, :, 2])
-        column = torch.arange(pixels.shape[3], device=pixels.device).reshape(1, 1, -1)
-        centre = (column + 0.5) * self.stride - 0.5
-        radar, valid = radar[:, : min(count, SUPERVISED)], valid[:, : min(count, SUPERVISED)]
-        inside = ((centre - radar[:, :, 0:1]).abs() <= 0.5 * self.region_width_px) & valid.unsqueeze(2)
-        return Association(logits[:, :count], torch.where(inside, column, -1), self.stride), best, depth, features
-
-
-class RegionAssociation(nn.Module):
-    """The paper's form: concatenate a return's region of each feature map with its radar map, and decode it.
-
-    Deviation: a region starts at a multiple of 32 pixels, so that its pieces of all five feature maps cover the same
-    pixels; its return lies within half a cell of its centre.
-
-    Args:
-        in_channels: Planes of the image input.
-        points: Encoder of the returns.
-        region_width_px: Width of a region, a multiple of 32.
-        radar_map_size: Rows and columns of the radar map; it is resized to the region. (28, 9) in the paper.
-    """
-
-    WIDTHS = (256, 128, 64, 32, 16)
-    stride: Final[int] = 1
-    cell_px: Final[int] = CELL_PX
-    outside: Final[float] = OUTSIDE
-
-    def __init__(
-        self, in_channels: int, points: PointEncoder, region_width_px: int, radar_map_size: tuple[int, int]
-    ) -> None:
-        super().__init__()
-        self.cells = region_width_px // CELL_PX
-        self.radar_map_size = radar_map_size
-        self.encoder = ResidualEncoder(in_channels, ENCODER_CHANNELS)
-        self.points = points
-        self.expand = nn.Linear(128, 128 * radar_map_size[0] * radar_map_size[1])
-        self.up_1_16 = UpBlock(256, 128, self.WIDTHS[0])
-        self.up_1_8 = UpBlock(self.WIDTHS[0], 128, self.WIDTHS[1])
-        self.up_1_4 = UpBlock(self.WIDTHS[1], 64, self.WIDTHS[2])
-        self.up_1_2 = UpBlock(self.WIDTHS[2], 32, self.WIDTHS[3])
-        self.up_1_1 = ConvBlock(self.WIDTHS[3], self.WIDTHS[4])
-        self.head = nn.Conv2d(self.WIDTHS[4], 1, 1)
-        with torch.no_grad():
-            self.head.bias.fill_(FEW)  # type: ignore[union-attr]  # a Conv2d has a bias unless told otherwise
-
-    def region_logits(self, maps: list[Tensor], radar: Tensor, valid: Tensor, height: int, width: int) -> Association:
-        """Decodes each region of an encoded image: logits (B, N, H, region width), and their columns in the image."""
-        batch = radar.shape[0]
-        start = torch.round(radar[:, :, 0] / self.cell_px - 0.5 * self.cells)
-        # A return far outside of the image would have no column in it: its region is all padding.
-        start = start.clamp(-self.cells, width // self.cell_px).long()
-        cell = start.unsqueeze(2) + torch.arange(self.cells, device=radar.device)
-        skips = [_regions(level, cell, width // self.cell_px) for level in maps]
-        radar_map = self.expand(self.points(radar, height, maps[0].dtype))
-        radar_map = radar_map.reshape(batch * radar.shape[1], 128, self.radar_map_size[0], self.radar_map_size[1])
-        radar_map = functional.interpolate(
-            radar_map, size=(height // self.cell_px, self.cells), mode="bilinear", align_corners=False
+    def train_outputs(
+        self, image: Tensor, maps: list[Tensor], radar: Tensor, valid: Tensor
+    ) -> tuple[Association, Tensor, Tensor, Tensor]:
+        """As `forward`, and before it the logits of all returns that a pixel considers."""
+        logits, depths, features = self._hypotheses(maps, radar, valid)
+        best, depth = self._strongest(logits.detach(), depths)
+        rows, columns = maps[3].shape[2], maps[3].shape[3]
+        counts = logits.detach() > 0.5 * self.outside
+        depths = torch.where(counts, depths.unsqueeze(3).expand_as(logits), torch.nan)
+        association = Association(
+            from_cells(logits.transpose(1, 2), rows, columns, self.cell),
+            from_cells(depths.transpose(1, 2), rows, columns, self.cell),
+            None,
         )
-        x = self.up_1_16(torch.cat([skips[4], radar_map.to(skips[4].dtype)], dim=1), skips[3])
-        x = self.up_1_8(x, skips[2])
-        x = self.up_1_4(x, skips[1])
-        x = self.up_1_2(x, skips[0])
-        logits = self.head(self.up_1_1(double(x))).reshape(batch, radar.shape[1], height, self.cells * self.cell_px)
-        columns = start.unsqueeze(2) * self.cell_px + torch.arange(self.cells * self.cell_px, device=radar.device)
-        inside = (columns >= 0) & (columns < width) & valid.unsqueeze(2)
-        return Association(logits, torch.where(inside, columns, -1), self.stride)
+        best, depth = from_cells(best, rows, columns, self.cell), from_cells(depth, rows, columns, self.cell)
+        return association, best, depth, features
 
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Finds each pixel's return; as `EmbeddingAssociation.forward`, but for the features at the image's size."""
-        _, best, depth, features = self.train_outputs(image, radar, valid)
-        return best, depth, features
+    def _hypotheses(self, maps: list[Tensor], radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Logits (B, cells, K, 64) of the K returns that each cell considers, their depths (B, cells, K), features."""
+        batch, rows, columns = maps[3].shape[0], maps[3].shape[2], maps[3].shape[3]
+        x_1_8 = self.up_1_8(self.up_1_16(maps[3], maps[2]), maps[1])
+        features = self.up_1_4(x_1_8, maps[0])
+        pixels = self.pixel_head(features)
+        # As many padding rows as a cell considers, so that there are always enough.
+        radar = functional.pad(radar, (0, 0, 0, self.considered), value=1.0)
+        valid = functional.pad(valid, (0, self.considered), value=False)
+        known = self.points(radar, rows * self.cell_px, pixels.dtype)
+        seen_1_4, seen_1_8 = _sample(features, radar, 4), _sample(x_1_8, radar, 8)
+        points = self.point_head(self.joint(torch.cat([known, seen_1_4.to(known.dtype), seen_1_8.to(known.dtype)], 2)))
+        index = self._choose(pixels, points, radar, valid)
+        # All of a cell's returns, as rows: (B cells, K, values).
+        values = torch.cat([points.float(), radar[:, :, :3].float(), valid.float().unsqueeze(2)], dim=2)
+        first = torch.arange(batch, device=index.device).reshape(-1, 1, 1) * radar.shape[1]
+        chosen = values.flatten(0, 1).index_select(0, (index + first).flatten())
+        chosen = chosen.reshape(batch * rows * columns, self.considered, values.shape[2])
+        inside = pixels.reshape(batch, self.dims, rows, self.cell, columns, self.cell).permute(0, 2, 4, 3, 5, 1)
+        inside = inside.reshape(batch * rows * columns, self.cell * self.cell, self.dims)
+        logits = torch.bmm(chosen[:, :, : self.dims].to(inside.dtype), inside.transpose(1, 2)).float()
+        cell = torch.arange(rows * columns, device=index.device).repeat(batch)
+        left, top = cell % columns, torch.div(cell, columns, rounding_mode="floor")
+        middle, end = self.dims + self.reaches, self.dims + 2 * self.reaches
+        by_column, distance = self._course(chosen[:, :, self.dims : middle], chosen[:, :, end + 1], left)
+        by_row, _ = self._course(chosen[:, :, middle:end], chosen[:, :, end + 2], top)
+        usable = (distance <= 0.5 * self.region_width_px) & (chosen[:, :, -1:] > 0)
+        by_column = torch.where(usable, by_column + chosen[:, :, end : end + 1], self.outside)
+        logits = logits.reshape(-1, self.considered, self.cell, self.cell)
+        logits = logits + (by_column.unsqueeze(2) + by_row.unsqueeze(3))
+        logits = logits.reshape(batch, rows * columns, self.considered, self.cell * self.cell)
+        depths = chosen[:, :, end + 3].reshape(batch, rows * columns, self.considered)
+        return logits, depths, features
 
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor) -> tuple[Association, Tensor, Tensor, Tensor]:
-        """As `forward`, and before it all logits."""
-        # Two padding rows, for the reason given in EmbeddingAssociation.forward.
-        radar, valid = _pad(radar, valid, 2)
-        maps = self.encoder(image)
-        association = self.region_logits(maps, radar, valid, image.shape[2], image.shape[3])
-        best, depth = _paint(
-            association.logits.detach(), association.columns, radar[:, :, 2], image.shape[3], self.outside
-        )
-        without_padding = Association(association.logits[:, :-2], association.columns[:, :-2], self.stride)
-        return without_padding, best, depth, maps[1]
+    def _choose(self, pixels: Tensor, points: Tensor, radar: Tensor, valid: Tensor) -> Tensor:
+        """Which returns each cell considers, (B, cells, K) int64: those that its mean vector suits best."""
+        cells = functional.avg_pool2d(pixels.detach(), self.cell)
+        batch, rows, columns = cells.shape[0], cells.shape[2], cells.shape[3]
+        points = points.detach()
+        products = torch.bmm(points[:, :, : self.dims].to(cells.dtype), cells.flatten(2)).float()
+        points, radar = points.float(), radar.float()
+        middle, end = self.dims + self.reaches, self.dims + 2 * self.reaches
+        by_column, distance = self._coarse_course(points[:, :, self.dims : middle], radar[:, :, 0], columns)
+        by_row, _ = self._coarse_course(points[:, :, middle:end], radar[:, :, 1], rows)
+        # A cell that the region reaches into at all.
+        usable = (distance <= 0.5 * (self.region_width_px + self.cell_px)) & valid.unsqueeze(2)
+        by_column = torch.where(usable, by_column + points[:, :, end:], self.outside)
+        scores = products.reshape(batch, -1, rows, columns) + (by_column.unsqueeze(2) + by_row.unsqueeze(3))
+        return torch.topk(scores.flatten(2).transpose(1, 2), self.considered, dim=2, sorted=False)[1]
 
+    def _coarse_course(self, amplitudes: Tensor, centre: Tensor, count: int) -> tuple[Tensor, Tensor]:
+        """As `_course`, at the middle of `count` cells: two (B, N, count) of (B, N, reaches) and (B, N)."""
+        place = (torch.arange(count, device=centre.device, dtype=torch.float32) + 0.5) * self.cell_px - 0.5
+        return self._fall(amplitudes, (place - centre.unsqueeze(2)).abs())
 
-def _pad(radar: Tensor, valid: Tensor, rows: int) -> tuple[Tensor, Tensor]:
-    """Adds rows that are no returns."""
-    return functional.pad(radar, (0, 0, 0, rows), value=1.0), functional.pad(valid, (0, rows), value=False)
+    def _course(self, amplitudes: Tensor, centre: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
+        """How b_n falls along an axis within cells, and the distance in pixels.
 
+        Args:
+            amplitudes: (cells, K, reaches).
+            centre: (cells, K) pixel of the returns.
+            cell: (cells,) which cell it is along the axis.
 
-def _strongest(logits: Tensor, depths: Tensor) -> tuple[Tensor, Tensor]:
-    """Greatest logit (B, 1, h, w) over the returns (B, N, h, w), and the depth (B, N) of its return; N >= 1."""
-    best, index = logits.max(dim=1, keepdim=True)
-    chosen = torch.gather(depths.float(), 1, index.flatten(1)).reshape(index.shape)
-    return best, chosen
+        Returns:
+            Two (cells, K, 8).
+        """
+        offset = (torch.arange(self.cell, device=centre.device, dtype=torch.float32) + 0.5) * self.stride - 0.5
+        place = (cell * float(self.cell_px)).unsqueeze(1) + offset
+        return self._fall(amplitudes, (place.unsqueeze(1) - centre.unsqueeze(2)).abs())
+
+    def _fall(self, amplitudes: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
+        course = torch.zeros_like(distance)
+        for index, reach in enumerate(self.reach_px):
+            course = course + amplitudes[:, :, index : index + 1] * torch.exp(-distance / reach)
+        return course, distance
+
+    def _strongest(self, logits: Tensor, depths: Tensor) -> tuple[Tensor, Tensor]:
+        """Greatest logit (B, 1, cells, 64) and the depth of its return."""
+        best, index = logits.max(dim=2)
+        return best.unsqueeze(1), torch.gather(depths, 2, index).unsqueeze(1)
 
 
 def _sample(level: Tensor, radar: Tensor, stride: int) -> Tensor:
     """Features (B, N, C) of a map (B, C, h, w) at the pixel that shows each return, or the nearest at the border."""
-    channels, height, width = level.shape[1], level.shape[2], level.shape[3]
+    height, width = level.shape[2], level.shape[3]
     column = torch.floor((radar[:, :, 0] + 0.5) / stride).clamp(0, width - 1)
     row = torch.floor((radar[:, :, 1] + 0.5) / stride).clamp(0, height - 1)
-    index = (row * width + column).long().unsqueeze(1).expand(-1, channels, -1)
-    return torch.gather(level.flatten(2), 2, index).transpose(1, 2)
-
-
-def _regions(level: Tensor, cell: Tensor, image_cells: int) -> Tensor:
-    """Cuts regions out of a feature map.
-
-    Args:
-        level: (B, C, h, w).
-        cell: (B, N, cells) int64, columns of each region in cells of 32 pixels; may lie outside of the map.
-        image_cells: Cells across the image.
-
-    Returns:
-        (B N, C, h, cells * w / image_cells), zero outside of the map.
-    """
-    batch, channels, height, width = level.shape
-    size = width // image_cells
-    column = (cell.unsqueeze(3) * size + torch.arange(size, device=level.device)).flatten(1)
-    inside = (column >= 0) & (column < width)
-    index = column.clamp(0, width - 1).reshape(batch, 1, 1, -1).expand(-1, channels, height, -1)
-    cut = torch.gather(level, 3, index) * inside.reshape(batch, 1, 1, -1).to(level.dtype)
-    cut = cut.reshape(batch, channels, height, cell.shape[1], cell.shape[2] * size)
-    return cut.permute(0, 3, 1, 2, 4).flatten(0, 1)
-
-
-def _paint(logits: Tensor, columns: Tensor, depths: Tensor, width: int, outside: float) -> tuple[Tensor, Tensor]:
-    """Puts regions back into the image; where they overlap, the greatest logit wins.
-
-    Args:
-        logits: (B, N, H, k).
-        columns: (B, N, k), -1 for those that are not painted.
-        depths: (B, N) metres.
-        width: Columns of the image.
-        outside: Logit where there is none.
-
-    Returns:
-        The greatest logit (B, 1, H, width) and its return's depth.
-    """
-    batch, _, height, _ = logits.shape
-    inside = (columns >= 0).unsqueeze(2)
-    row = torch.arange(height, device=logits.device).reshape(1, 1, -1, 1) * width
-    place = (row + columns.clamp(min=0).unsqueeze(2)).flatten(1)
-    values = torch.where(inside, logits.float(), torch.full_like(logits, outside, dtype=torch.float32)).flatten(1)
-    best = torch.full((batch, height * width), outside, device=logits.device, dtype=torch.float32)
-    best = best.scatter_reduce(1, place, values, "amax")
-    candidates = depths.float().reshape(batch, depths.shape[1], 1, 1).expand_as(logits).flatten(1)
-    candidates = torch.where(values >= torch.gather(best, 1, place), candidates, torch.full_like(candidates, 1.0e9))
-    nearest = torch.full_like(best, 1.0e9).scatter_reduce(1, place, candidates, "amin")
-    return best.reshape(batch, 1, height, width), nearest.reshape(batch, 1, height, width)
+    # Rows of (B h w, C), which lie together in memory where channels are last.
+    first = torch.arange(level.shape[0], device=level.device).reshape(-1, 1) * (height * width)
+    index = ((row * width + column).long() + first).flatten()
+    pixels = level.permute(0, 2, 3, 1).reshape(-1, level.shape[1])
+    return pixels.index_select(0, index).reshape(radar.shape[0], radar.shape[1], level.shape[1])

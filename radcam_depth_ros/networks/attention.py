@@ -13,13 +13,14 @@ class ChannelAttention(nn.Module):
         self.alpha = nn.Parameter(torch.zeros(1))
 
     def forward(self, x: Tensor) -> Tensor:
-        batch, channels, height, width = x.shape
-        flat = x.reshape(batch, channels, height * width)
+        pixels = x.shape[2] * x.shape[3]
+        flat = _tokens(x)
         # Deviation: the product is divided by the number of pixels. The paper's sum grows with the image, so that its
         # softmax would mean something else at each size.
-        product = torch.bmm(flat, flat.transpose(1, 2)) / (height * width)
-        weighted = torch.bmm(torch.softmax(product.float(), dim=2).to(flat.dtype), flat)
-        return self.alpha * weighted.reshape(batch, channels, height, width) + x
+        product = torch.bmm(flat.transpose(1, 2), flat).float() / pixels
+        # The identity and alpha join the C x C matrix, so that the map is read once.
+        weight = self.alpha.float() * torch.softmax(product, dim=2) + torch.eye(x.shape[1], device=x.device)
+        return _image(torch.bmm(flat, weight.to(flat.dtype).transpose(1, 2)), x)
 
 
 class PositionAttention(nn.Module):
@@ -41,15 +42,45 @@ class PositionAttention(nn.Module):
         self.beta = nn.Parameter(torch.zeros(1))
 
     def forward(self, x: Tensor) -> Tensor:
-        source = functional.avg_pool2d(x, self.pool) if self.pool > 1 else x
+        source = x
+        if self.pool > 1:
+            source = functional.avg_pool2d(x, self.pool, ceil_mode=True, count_include_pad=False)
         # Deviation: logits are divided by the square root of the width (Vaswani et al. 2017), as the fused attention
         # does by default; without it the softmax saturates in bfloat16.
         attended = functional.scaled_dot_product_attention(
-            _tokens(self.query(x)), _tokens(self.key(source)), _tokens(self.value(source))
+            _tokens(self.query(x)).unsqueeze(1),
+            _tokens(self.key(source)).unsqueeze(1),
+            _tokens(self.value(source)).unsqueeze(1),
         )
-        return self.beta * attended.squeeze(1).transpose(1, 2).reshape(x.shape) + x
+        return self.beta * _image(attended.squeeze(1), x) + x
+
+
+class ParallelAttention(nn.Module):
+    """CA(F) + PA(F), with either or both left out for ablation; F where both are."""
+
+    def __init__(self, channels: int, pool: int, use_channel: bool, use_position: bool) -> None:
+        super().__init__()
+        branches: list[nn.Module] = []
+        if use_channel:
+            branches.append(ChannelAttention())
+        if use_position:
+            branches.append(PositionAttention(channels, pool))
+        if not branches:
+            branches.append(nn.Identity())
+        self.branches = nn.ModuleList(branches)
+
+    def forward(self, x: Tensor) -> Tensor:
+        total = torch.zeros(1, device=x.device, dtype=x.dtype)
+        for branch in self.branches:
+            total = total + branch(x)
+        return total
 
 
 def _tokens(x: Tensor) -> Tensor:
-    """(B, C, h, w) to (B, 1, h w, C), contiguous."""
-    return x.flatten(2).transpose(1, 2).unsqueeze(1).contiguous()
+    """(B, C, h, w) to (B, h w, C): no copy where channels are last in memory."""
+    return x.permute(0, 2, 3, 1).reshape(x.shape[0], -1, x.shape[1])
+
+
+def _image(tokens: Tensor, like: Tensor) -> Tensor:
+    """(B, h w, C) back to an image of the size of `like`, channels last in memory."""
+    return tokens.reshape(like.shape[0], like.shape[2], like.shape[3], like.shape[1]).permute(0, 3, 1, 2)

@@ -38,22 +38,22 @@ class Depths(NamedTuple):
 class Association(NamedTuple):
     """Which pixels belong to which radar return, as training needs it.
 
-    logits: (B, N, h, w), of the probability that a pixel belongs to a return.
-    columns: (B, n, w) int64, the column of each logit in the image divided by `stride`, of the first n <= N returns;
-        -1 outside of the image, of the return's region of interest, or for padding. Only these are trained.
-    stride: pixels a logit, so h = H / stride.
+    logits: (B, M, h, w), of the probability that a pixel belongs to a return; M returns for each pixel, or column.
+    depth_m: The depths of these returns, broadcast to the shape of `logits`; NaN where a logit is not trained.
+    columns: (B, M, w) int64, the column of each logit in an image of h rows, -1 where it is not trained; None where
+        that is its own column.
     """
 
     logits: Tensor
-    columns: Tensor
-    stride: int
+    depth_m: Tensor
+    columns: Tensor | None
 
 
 class Candidates(NamedTuple):
-    """The depths between which a network chooses for each pixel.
+    """The depths between which a network chooses for each pixel, at the image's size or smaller by a whole factor.
 
-    logits: (B, K, H, W).
-    depth_m: (B, K, H, W) metres.
+    logits: (B, K, h, w).
+    depth_m: (B, K, h, w) metres.
     """
 
     logits: Tensor

@@ -225,7 +225,6 @@ class Trainer:
             outputs = self.network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
         losses = total_loss(
             outputs,
-            batch.radar,
             batch.depth_accumulated_m,
             batch.depth_single_m,
             self.network.config.max_depth_m,

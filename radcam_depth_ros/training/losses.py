@@ -92,33 +92,28 @@ class Losses:
         return {entry.name: float(getattr(self, entry.name).detach()) for entry in fields(self)}
 
 
-def association_loss(association: Association, radar: Tensor, truth_m: Tensor, config: LossConfig) -> Tensor:
+def association_loss(association: Association, truth_m: Tensor, config: LossConfig) -> Tensor:
     """Binary cross entropy of every logit whose pixel has ground truth.
 
     Args:
-        association: Logits (B, N, h, w) with their columns, -1 for those that do not count.
-        radar: (B, N, 6) returns.
+        association: Logits (B, M, h, w) with the depths of their returns.
         truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) belongs to no return.
         config: Tolerance and weight of positives.
 
     Returns:
         A scalar: the mean over the pixels and returns that count, a positive counting `positive_weight` times.
     """
-    stride = association.stride
-    # One pixel stands for its cell: depths are never blended across edges.
-    truth = truth_m[:, 0, stride // 2 :: stride, stride // 2 :: stride].transpose(1, 2)
-    batch, returns, columns = torch.nonzero(association.columns >= 0, as_tuple=True)
-    # Only the columns of each return's region are touched, a fraction of N x h x w; a column is one contiguous row of
-    # the transposed logits.
-    logits = association.logits.transpose(2, 3)[batch, returns, columns].float()
-    at = association.columns[batch, returns, columns]
-    truth = truth[batch, at]
-    depth = radar[batch, returns, 2].unsqueeze(1)
+    logits, depth, columns = association
+    truth = _at(truth_m, logits.shape[2])
+    if columns is not None:
+        index = columns.clamp(min=0).unsqueeze(2).expand(-1, -1, logits.shape[2], -1)
+        truth = torch.gather(truth.expand(-1, logits.shape[1], -1, -1), 3, index)
+        depth = torch.where(columns.unsqueeze(2) >= 0, depth, torch.nan)
     tolerance = config.association_tolerance_m + config.association_tolerance_share * depth
-    counts = ~torch.isnan(truth)
-    positive = (truth - depth).abs() < tolerance
+    counts = ~torch.isnan(truth - depth)
+    positive = ((truth - depth).abs() < tolerance).expand_as(logits)
     weight = torch.where(positive, config.positive_weight, 1.0) * counts
-    entropy = functional.binary_cross_entropy_with_logits(logits, positive.float(), weight, reduction="sum")
+    entropy = functional.binary_cross_entropy_with_logits(logits.float(), positive.float(), weight, reduction="sum")
     return entropy / counts.sum().clamp(min=1)
 
 
@@ -131,14 +126,19 @@ def choice_loss(candidates: Candidates, truth_m: Tensor, max_depth_m: float, con
         max_depth_m: Farthest depth that the network gives.
         config: `choice_tolerance`.
     """
-    # Every other row and column: neighbours say much the same.
-    truth = truth_m[:, :, ::2, ::2]
+    truth = _at(truth_m, candidates.logits.shape[2])
     counts = ~torch.isnan(truth)
     truth = torch.log(torch.where(counts, truth, 1.0).clamp(0.1, max_depth_m))
-    logits = candidates.logits[:, :, ::2, ::2].float()
-    distance = (torch.log(candidates.depth_m[:, :, ::2, ::2]) - truth).abs() / config.choice_tolerance
+    logits = candidates.logits.float()
+    distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
     likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
     return _mean(-likelihood, counts)
+
+
+def _at(truth_m: Tensor, rows: int) -> Tensor:
+    """Ground truth with so many rows: one pixel stands for its cell, since depths are never blended across edges."""
+    stride = truth_m.shape[2] // rows
+    return truth_m[:, :, stride // 2 :: stride, stride // 2 :: stride]
 
 
 def dense_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
@@ -174,7 +174,6 @@ def confidence_loss(logit: Tensor, dense_m: Tensor, truth_m: Tensor, max_depth_m
 
 def total_loss(
     outputs: TrainOutputs,
-    radar: Tensor,
     accumulated_m: Tensor,
     single_m: Tensor | None,
     max_depth_m: float,
@@ -184,7 +183,6 @@ def total_loss(
 
     Args:
         outputs: What the network gave.
-        radar: (B, N, 6) returns that it was given.
         accumulated_m: (B, 1, H, W) ground truth of many scans, or the exact depth.
         single_m: The same of a single scan; None where one ground truth serves as both.
         max_depth_m: Farthest depth that the network gives.
@@ -193,7 +191,7 @@ def total_loss(
     total = accumulated_m.new_zeros(())
     association = choice = accumulated = log_depth = confidence = total
     if outputs.association is not None:
-        association = association_loss(outputs.association, radar, accumulated_m, config)
+        association = association_loss(outputs.association, accumulated_m, config)
         total = total + config.association * association
     if outputs.depths is None or outputs.confidence_logit is None:
         return Losses(total, association.detach(), choice.detach(), accumulated, log_depth, confidence)

@@ -25,16 +25,16 @@ def entropy(logit: float, label: bool) -> float:
     return math.log1p(math.exp(-logit if label else logit))
 
 
-def one_return(depth_m: float) -> torch.Tensor:
-    return torch.tensor([[[0.0, 0.0, depth_m, NAN, NAN, NAN]]])
+def of_one_return(logits: torch.Tensor, depth_m: float, columns: list[int] | None = None) -> Association:
+    depth = torch.full((1, 1, 1, 1), depth_m)
+    return Association(logits, depth, None if columns is None else torch.tensor([[columns]]))
 
 
 def test_association_counts_known_pixels_and_sky_and_weighs_positives() -> None:
     # One row of four cells: belongs to the return, does not, unknown, sky.
     truth = torch.tensor([[[[10.3, 10.5, NAN, INF]]]])
     logits = torch.tensor([[[[1.0, -2.0, 9.0, 0.5]]]])
-    columns = torch.tensor([[[0, 1, 2, 3]]])
-    loss = association_loss(Association(logits, columns, 1), one_return(10.0), truth, LossConfig(positive_weight=3.0))
+    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=3.0))
     expected = (3 * entropy(1.0, True) + entropy(-2.0, False) + entropy(0.5, False)) / 3
     assert float(loss) == pytest.approx(expected, rel=1e-6)
 
@@ -42,9 +42,14 @@ def test_association_counts_known_pixels_and_sky_and_weighs_positives() -> None:
 def test_association_leaves_out_columns_outside_of_the_image() -> None:
     truth = torch.full((1, 1, 1, 2), 10.0)
     logits = torch.tensor([[[[7.0, 2.0, -5.0]]]])
-    loss = association_loss(
-        Association(logits, torch.tensor([[[-1, 1, -1]]]), 1), one_return(10.0), truth, LossConfig(positive_weight=1.0)
-    )
+    loss = association_loss(of_one_return(logits, 10.0, [-1, 1, -1]), truth, LossConfig(positive_weight=1.0))
+    assert float(loss) == pytest.approx(entropy(2.0, True), rel=1e-6)
+
+
+def test_association_leaves_out_returns_without_a_depth() -> None:
+    logits = torch.tensor([7.0, 2.0]).reshape(1, 2, 1, 1)
+    association = Association(logits, torch.tensor([NAN, 10.0]).reshape(1, 2, 1, 1), None)
+    loss = association_loss(association, torch.full((1, 1, 1, 1), 10.0), LossConfig(positive_weight=1.0))
     assert float(loss) == pytest.approx(entropy(2.0, True), rel=1e-6)
 
 
@@ -53,17 +58,15 @@ def test_association_takes_the_cell_centre_at_a_stride() -> None:
     truth[0, 0, 3, 1] = 10.0  # row 1, column 0 of the grid at stride 2
     logits = torch.zeros(1, 1, 2, 2)
     logits[0, 0, 1, 0] = 4.0
-    loss = association_loss(
-        Association(logits, torch.tensor([[[0, 1]]]), 2), one_return(10.0), truth, LossConfig(positive_weight=1.0)
-    )
+    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=1.0))
     assert float(loss) == pytest.approx((entropy(4.0, True) + 3 * entropy(0.0, False)) / 4, rel=1e-6)
 
 
 def test_association_tolerance_can_grow_with_depth() -> None:
-    association = Association(torch.zeros(1, 1, 1, 1), torch.zeros(1, 1, 1, dtype=torch.int64), 1)
+    association = of_one_return(torch.zeros(1, 1, 1, 1), 50.0)
     truth = torch.full((1, 1, 1, 1), 51.0)
     losses = [
-        float(association_loss(association, one_return(50.0), truth, LossConfig(5.0, 0.4, share, positive_weight=2.0)))
+        float(association_loss(association, truth, LossConfig(5.0, 0.4, share, positive_weight=2.0)))
         for share in (0.0, 0.02)
     ]
     assert losses == pytest.approx([entropy(0.0, False), 2 * entropy(0.0, True)], rel=1e-6)
@@ -71,18 +74,16 @@ def test_association_tolerance_can_grow_with_depth() -> None:
 
 def test_association_without_any_return_is_zero_and_passes_gradients() -> None:
     logits = torch.zeros(1, 0, 2, 2, requires_grad=True)
-    association = Association(logits, torch.zeros(1, 0, 2, dtype=torch.int64), 1)
-    loss = association_loss(association, torch.zeros(1, 0, 6), torch.ones(1, 1, 2, 2), LossConfig())
+    association = Association(logits, torch.zeros(1, 0, 1, 1), torch.zeros(1, 0, 2, dtype=torch.int64))
+    loss = association_loss(association, torch.ones(1, 1, 2, 2), LossConfig())
     loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     assert float(loss.detach()) == 0.0
 
 
 def test_association_gradient_is_finite_where_truth_is_unknown() -> None:
     logits = torch.zeros(1, 1, 1, 2, requires_grad=True)
-    association = Association(logits, torch.tensor([[[0, 1]]]), 1)
-    loss = association_loss(
-        association, one_return(10.0), torch.tensor([[[[NAN, 10.0]]]]), LossConfig(positive_weight=2.0)
-    )
+    truth = torch.tensor([[[[NAN, 10.0]]]])
+    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=2.0))
     loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     assert logits.grad is not None
     assert logits.grad.flatten().tolist() == pytest.approx([0.0, -1.0])
@@ -138,9 +139,8 @@ def test_choice_takes_the_sky_for_the_farthest_depth_and_leaves_unknown_pixels_o
 def test_parts_that_do_not_learn_cost_nothing() -> None:
     whole = outputs()
     truth = torch.full((1, 1, 1, 2), 10.0)
-    radar = one_return(10.0)
-    stage_1 = total_loss(TrainOutputs(None, None, whole.association, None), radar, truth, None, 100.0, CONFIG)
-    stage_2 = total_loss(whole._replace(association=None), radar, truth, None, 100.0, CONFIG)
+    stage_1 = total_loss(TrainOutputs(None, None, whole.association, None), truth, None, 100.0, CONFIG)
+    stage_2 = total_loss(whole._replace(association=None), truth, None, 100.0, CONFIG)
     assert float(stage_1.total) == pytest.approx(entropy(0, True), rel=1e-6)
     assert float(stage_1.dense) == 0.0
     assert float(stage_2.association) == 0.0
@@ -152,7 +152,7 @@ CONFIG = LossConfig(accumulated=1.0, single=1.0, log_depth=0.0, confidence=0.25,
 
 def outputs() -> TrainOutputs:
     dense = torch.full((1, 1, 1, 2), 12.0)
-    association = Association(torch.zeros(1, 1, 1, 2), torch.tensor([[[0, 1]]]), 1)
+    association = of_one_return(torch.zeros(1, 1, 1, 2), 10.0)
     return TrainOutputs(Depths(dense, dense, dense), torch.zeros(1, 1, 1, 2), association, None)
 
 
@@ -162,9 +162,9 @@ def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
         association=0.5, accumulated=1.0, single=2.0, log_depth=0.0, confidence=0.25, positive_weight=1.0
     )
     association, confidence = 0.5 * entropy(0, True), 0.25 * entropy(0, False)
-    one = total_loss(outputs(), one_return(10.0), accumulated, None, 100.0, config)
+    one = total_loss(outputs(), accumulated, None, 100.0, config)
     assert float(one.total) == pytest.approx(association + confidence + 3 * 1.5, rel=1e-6)
-    two = total_loss(outputs(), one_return(10.0), accumulated, single, 100.0, config)
+    two = total_loss(outputs(), accumulated, single, 100.0, config)
     assert float(two.total) == pytest.approx(association + confidence + 1.5 + 2 * 0.5, rel=1e-6)
     assert one.values()["dense"] == pytest.approx(1.5)
 
