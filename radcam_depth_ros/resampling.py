@@ -48,8 +48,19 @@ def resample_image(image: ImageArray, plan: CanonicalCamera, lens: Lens | None =
     if factor > 1:
         whole = image[: height * factor, : width * factor]
         image = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    if lens is None and (height * factor, width * factor) == (plan.source.height, plan.source.width):
+        return _scale_and_pad(image, plan)
     resampled: ImageArray = cv2.remap(image, *_maps(plan, lens, factor), cv2.INTER_LINEAR)
     return resampled
+
+
+def _scale_and_pad(image: ImageArray, plan: CanonicalCamera) -> ImageArray:
+    """What the remap gives for an ideal camera whose whole image is there, in half its time."""
+    scaled, network = plan.scaled, plan.network
+    image = cv2.resize(image, (scaled.width, scaled.height), interpolation=cv2.INTER_LINEAR)
+    rows, columns = network.height - scaled.height, network.width - scaled.width
+    padded: ImageArray = cv2.copyMakeBorder(image, 0, rows, 0, columns, cv2.BORDER_REPLICATE)
+    return padded
 
 
 @functools.lru_cache(maxsize=8)

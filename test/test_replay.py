@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_drive import CAMERA, CAMERA_FROM_RADAR, START_NS
+from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS
 
 from radcam_depth_ros.bags import BagError, BagReader
 from radcam_depth_ros.drive import DriveError, DriveSettings, read_samples
-from radcam_depth_ros.estimator import Estimator, EstimatorConfig
-from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.messages import decode_depth
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, NetworkInputs
+from radcam_depth_ros.frame import Frame, RadcamDepthError
+from radcam_depth_ros.messages import MessageError, decode_depth
+from radcam_depth_ros.pipeline import Pipeline
 from radcam_depth_ros.replay import ReplayOptions, replay
 
 WriteDrive = Callable[..., Path]
@@ -87,6 +88,57 @@ def test_a_truncated_bag_leaves_nothing_behind(tmp_path: Path, write_drive: Writ
     with pytest.raises(BagError, match="missing"):
         replay(tmp_path / "missing.mcap", tmp_path / "out.mcap", estimator)
     assert [path.name for path in tmp_path.iterdir()] == ["drive.mcap"]
+
+
+@pytest.mark.parametrize("error", [EstimatorError("the network gave nonsense"), KeyboardInterrupt()])
+def test_a_replay_that_ends_early_leaves_nothing_behind(
+    tmp_path: Path,
+    write_drive: WriteDrive,
+    estimator: Estimator,
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap")
+    run, seen = estimator.run, []
+
+    def run_three(inputs: NetworkInputs) -> object:
+        if inputs.frame.stamp_ns == START_NS + 3 * PERIOD_NS:
+            raise error
+        return run(inputs)
+
+    monkeypatch.setattr(estimator, "run", run_three)
+    with pytest.raises(type(error)):
+        replay(drive, tmp_path / "out.mcap", estimator, progress=lambda done, _: seen.append(done))
+    assert seen == [1, 2, 3]  # in order, up to the frame that failed
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.mcap"]
+
+
+def test_frames_before_a_bad_message_are_done_first(
+    tmp_path: Path, write_drive: WriteDrive, estimator: Estimator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap")
+    accept, seen = Pipeline.accept, []
+
+    def refuse_the_last(self: Pipeline, topic: str, message: object, now_ns: int) -> tuple[Frame, ...]:
+        if now_ns >= START_NS + 4 * PERIOD_NS:
+            raise MessageError("the image is truncated")
+        return accept(self, topic, message, now_ns)
+
+    monkeypatch.setattr(Pipeline, "accept", refuse_the_last)
+    with pytest.raises(MessageError, match=r"/camera/\w+, 3 frames into the bag: the image is truncated"):
+        replay(drive, tmp_path / "out.mcap", estimator, progress=lambda done, _: seen.append(done))
+    assert seen == [1, 2, 3]
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.mcap"]
+
+
+def test_compressed_output_holds_the_same(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
+    drive = write_drive(tmp_path / "drive.mcap")
+    for name, compress in (("a.mcap", False), ("b.mcap", True)):
+        replay(drive, tmp_path / name, estimator, options=ReplayOptions(compress=compress))
+    assert (tmp_path / "b.mcap").stat().st_size < (tmp_path / "a.mcap").stat().st_size
+    first, second = depths(tmp_path / "a.mcap"), depths(tmp_path / "b.mcap")
+    for stamp, depth in first.items():
+        np.testing.assert_array_equal(depth, second[stamp])
 
 
 def test_samples_have_exact_depth(tmp_path: Path, write_drive: WriteDrive) -> None:

@@ -46,6 +46,14 @@ def test_one_remap_is_as_good_as_rectifying_and_shrinking(lens: Lens | None, foc
     assert np.percentile(difference, 99.9) <= 6
 
 
+@pytest.mark.parametrize("focal_px", [1266.0, 630.0, 400.0, 1900.0])
+def test_an_ideal_lens_gives_the_same_as_none(focal_px: float) -> None:
+    plan = CanonicalCamera.plan(NUSCENES, focal_px)
+    image = smooth_image(NUSCENES)
+    ideal = resample_image(image, plan, Lens(tuple(NUSCENES.matrix.reshape(-1))))
+    assert np.abs(resample_image(image, plan).astype(int) - ideal).max() <= 2
+
+
 def test_fine_stripes_become_grey_and_no_pattern() -> None:
     image = np.zeros((900, 1600, 3), np.uint8)
     image[:, ::2] = 255

@@ -40,7 +40,8 @@ def build_message(type_name: str, **fields: object) -> Any:
         type_name: As in `sensor_msgs/msg/Image`.
         **fields: Values by field name; those left out keep the type's default.
     """
-    message = message_class(type_name)()
+    # With checks a field takes an array.array as it is; without, it copies it.
+    message = message_class(type_name)(check_fields=True)
     types = _field_types(type_name)
     for name, value in fields.items():
         setattr(message, name, _as_field(value, types[name]))
@@ -67,8 +68,9 @@ def _as_sequence(values: np.ndarray[Any, Any], field_type: str) -> object:
     while isinstance(owner, np.ndarray):
         owner = owner.base
     owner = owner.obj if isinstance(owner, memoryview) else owner
+    # Depth is written into such memory from the start, see `resampling`.
     if isinstance(owner, array.array) and (owner.typecode, len(owner) * owner.itemsize) == (code, values.nbytes):
-        return owner  # depth is written into such memory from the start
+        return owner
     sequence = array.array(code)
     sequence.frombytes(np.ascontiguousarray(values, code).reshape(-1).view(np.uint8).data)
     return sequence

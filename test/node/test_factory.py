@@ -23,6 +23,15 @@ def test_bytes_become_an_array_without_a_loop(size: int) -> None:
     assert message.data.tobytes() == data.tobytes()
 
 
+def test_memory_that_is_an_array_already_is_taken_whole() -> None:
+    owner = array.array("B", bytes(48))
+    depth = np.frombuffer(owner, np.float32).reshape(3, 4)
+    assert build_message("sensor_msgs/msg/Image", data=depth.reshape(-1).view(np.uint8)).data is owner
+    part = build_message("sensor_msgs/msg/Image", data=depth[:2].reshape(-1).view(np.uint8)).data
+    assert part is not owner
+    assert len(part) == 32
+
+
 def test_float_sequences_and_fixed_arrays() -> None:
     info = build_message("sensor_msgs/msg/CameraInfo", d=np.array([0.1, 0.2]), k=np.arange(9.0))
     assert info.d == array.array("d", [0.1, 0.2])
