@@ -140,7 +140,7 @@ class Loaded:
         """Names and paths of the stages that this architecture has; none for an export, which is one piece."""
         if not isinstance(self.network, Network):
             return ()
-        paths = {path for path, _ in self.network.named_modules()}
+        paths = {path for path, module in self.network.named_modules() if not isinstance(module, nn.Identity)}
         return tuple((name, path) for name, path in self.network.stages if path in paths)
 
 

@@ -1,6 +1,6 @@
 """A network made ready to run: number format, frozen TorchScript or CUDA graphs, warm-up."""
 
 from radcam_depth_ros.engine.engine import MODES, Engine
-from radcam_depth_ros.engine.precision import PRECISIONS, EngineError, processor_has_bfloat16
+from radcam_depth_ros.engine.precision import PRECISIONS, EngineError, choose, processor_has_bfloat16
 
-__all__ = ["MODES", "PRECISIONS", "Engine", "EngineError", "processor_has_bfloat16"]
+__all__ = ["MODES", "PRECISIONS", "Engine", "EngineError", "choose", "processor_has_bfloat16"]

@@ -28,8 +28,8 @@ class PositionAttention(nn.Module):
 
     Args:
         channels: Channels of the map.
-        pool: Keys and values are averaged over pool x pool pixels: 1 is the paper's exact form. At fine levels the
-            exact form costs seconds (N = 90,000 at 1/2 of 448 x 800), the pooled one milliseconds.
+        pool: Keys and values are averaged over about pool x pool pixels: 1 is the paper's exact form. At fine levels
+            the exact form costs seconds (N = 90,000 at 1/2 of 448 x 800), the pooled one milliseconds.
     """
 
     def __init__(self, channels: int, pool: int) -> None:
@@ -44,7 +44,9 @@ class PositionAttention(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         source = x
         if self.pool > 1:
-            source = functional.avg_pool2d(x, self.pool, ceil_mode=True, count_include_pad=False)
+            # At least two rows and columns: torch.export takes a size of 1 for fixed.
+            rows, columns = (x.shape[2] - 1) // self.pool + 1, (x.shape[3] - 1) // self.pool + 1
+            source = functional.adaptive_avg_pool2d(x, (max(rows, 2), max(columns, 2)))
         # Deviation: logits are divided by the square root of the width (Vaswani et al. 2017), as the fused attention
         # does by default; without it the softmax saturates in bfloat16.
         attended = functional.scaled_dot_product_attention(

@@ -126,7 +126,7 @@ class Baff(Network):
         ("rasterise", "rasterise"),
         ("image encoder", "encoder"),
         ("association", "association"),
-        ("image encoder of fusion", "fusion.image_encoder"),
+        ("image encoder", "fusion.image_encoder"),
         ("depth encoder", "fusion.depth_encoder"),
         ("gates", "fusion.gates"),
         ("bidirectional fusion", "fusion.bidirectional"),

@@ -81,7 +81,7 @@ class Network(nn.Module):
         parts: Names of the submodules that can be trained one by one.
         stages: What `radcam-depth bench` measures by itself, in order: a name to show, and the path of a submodule
             that a forward pass calls exactly once ("fusion.image_encoder"); none lies within another. Submodules of
-            one name are one stage together; paths that an architecture lacks are left out.
+            one name are one stage together; paths that an architecture lacks, or has an `Identity` at, are left out.
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
     """
 

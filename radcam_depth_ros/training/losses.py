@@ -44,7 +44,7 @@ class LossConfig:
     accumulated: float = 0.25
     single: float = 0.25
     smooth_l1_beta_m: float = 1.0
-    sky: float = 0.1
+    sky: float = 0.04
     log_depth: float = 20.0
     confidence: float = 0.1
     confidence_tolerance: float = 0.1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from radcam_depth_ros.engine import processor_has_bfloat16
+from radcam_depth_ros.engine import choose
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -28,8 +28,7 @@ class Precision:
         """From a recipe's values.
 
         Args:
-            precision: `float32`, `bfloat16`, or `auto`: bfloat16 where the hardware computes in it (elsewhere it is
-                emulated, slower than float32).
+            precision: `float32`, `bfloat16`, or `auto`: which of them is measured to be faster.
             device: `cpu`, `cuda` or `cuda:N`.
 
         Raises:
@@ -41,9 +40,7 @@ class Precision:
             raise TrainingError(f"device must be 'cpu' or 'cuda', got {device!r}") from None
         if place.type == "cuda" and not torch.cuda.is_available():
             raise TrainingError("device is 'cuda', but this machine has no GPU that torch can use; set device: cpu")
-        native = place.type == "cuda" or processor_has_bfloat16()
-        wanted = precision == "bfloat16" or (precision == "auto" and native)
-        return cls(place, torch.bfloat16 if wanted else torch.float32)
+        return cls(place, choose(precision, place).dtype)
 
     def autocast(self) -> AbstractContextManager[object]:
         """The context that the forward pass runs in."""

@@ -129,10 +129,7 @@ class TrainingConfig:
     loader_threads: int = 1
     log_every_iterations: int = 50
     checkpoint_every_minutes: float = 5.0
-    stages: tuple[StageConfig, ...] = (
-        StageConfig(0.4, 320, 256, 4, ("association",)),
-        StageConfig(0.6, 320, 256, 4, ("fusion",)),
-    )
+    stages: tuple[StageConfig, ...] = (StageConfig(1.0, 320, 256, 4),)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     loss: LossConfig = field(default_factory=LossConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)

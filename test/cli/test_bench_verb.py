@@ -37,8 +37,8 @@ def test_engine_keys_and_fields_of_the_architecture(parse: Callable[[str], Again
     against = parse("precision=float32,points=1000")
     assert (against.subject.precision, against.subject.mode) == ("float32", "frozen")
     assert against.size(SIZE) == Size(448, 800, 1000)
-    against = parse("position_pool=(1, 1, 1, 1),candidates=false")
-    assert against.subject.architecture == {"position_pool": [1, 1, 1, 1], "candidates": False}
+    against = parse("position_pool=(1, 1),position_attention=false")
+    assert against.subject.architecture == {"position_pool": [1, 1], "position_attention": False}
     assert against.subject.precision == "bfloat16"
     assert against.size(SIZE) == SIZE
 

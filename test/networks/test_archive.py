@@ -161,10 +161,10 @@ def test_nothing_half_written_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_statistics_beyond_half_precision_come_back(tmp_path: Path) -> None:
     network = networks.create("baff", ARCHITECTURE)
     with torch.no_grad():
-        network.get_buffer("fusion.top_down.0.1.running_var").fill_(1e6)
+        network.get_buffer("fusion.bidirectional.top_down.0.conv.1.running_var").fill_(1e6)
     archive.save(network, Card.of(network, "baff", "nothing"), tmp_path / "baff.safetensors")
     loaded = archive.load(tmp_path / "baff.safetensors").network
-    assert float(loaded.get_buffer("fusion.top_down.0.1.running_var")[0]) == 1e6
+    assert float(loaded.get_buffer("fusion.bidirectional.top_down.0.conv.1.running_var")[0]) == 1e6
 
 
 def test_weights_beyond_half_precision_are_not_written(tmp_path: Path) -> None:

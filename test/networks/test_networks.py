@@ -140,7 +140,7 @@ def test_training_reaches_every_parameter_with_finite_gradients(form: tuple[str,
     loss = outputs.depths.dense.mean() + association.logits[trained].mean() + outputs.confidence_logit.mean()
     if candidates is not None:
         assert candidates.logits.shape == candidates.depth_m.shape
-        assert candidates.logits.shape[:2] == (2, 9)
+        assert candidates.logits.shape[:2] == (2, 7)
         loss = loss + candidates.logits.mean()
     loss.backward()
     for name, parameter in network.named_parameters():
@@ -221,7 +221,7 @@ def test_without_the_ground_prior_the_road_is_ignored() -> None:
         ({"threshold": 1.5}, "threshold"),
         ({"fusion": "magic"}, "fusion must be 'quarter' or 'paper', got 'magic'"),
         ({"fusion": "paper"}, "has association 'regions', got 'embedding'"),
-        ({"position_pool": [4, 4]}, "position_pool needs 3 whole numbers"),
+        ({"position_pool": [4]}, "position_pool needs 2 whole numbers"),
         ({"detail": 3}, "detail must be 1, 2 or 4, got 3"),
         ({"considered": 0}, "at least 1"),
         ({"asociation": "regions"}, "did you mean association?"),
@@ -303,8 +303,8 @@ def layers(radar: list[list[float]], valid: list[bool]) -> Tensor:
 def test_layers_of_returns_go_from_near_to_far() -> None:
     radar = [[40.0, 40.0, 30.0], [40.0, 40.0, 10.0], [40.0, 40.0, 20.0]]
     found = layers(radar, [True, True, True])
-    expected = torch.tensor([20.0, 10.0, 10.0, 30.0, 30.0]).reshape(1, 5, 1, 1)
-    torch.testing.assert_close(found, expected.expand(1, 5, 16, 24), rtol=1e-4, atol=1e-4)
+    expected = torch.tensor([20.0, 10.0, 30.0]).reshape(1, 3, 1, 1)
+    torch.testing.assert_close(found, expected.expand(1, 3, 16, 24), rtol=1e-4, atol=1e-4)
     torch.testing.assert_close(layers(radar, [True, False, False]), torch.full_like(found, 30.0), rtol=1e-4, atol=1e-4)
     torch.testing.assert_close(layers(radar, [False] * 3), torch.full_like(found, 100.0), rtol=1e-4, atol=1e-4)
 

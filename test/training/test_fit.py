@@ -51,7 +51,9 @@ class Miniature(Network):
         dense = 1 + 99 * torch.sigmoid(raw[:, :1])
         column = torch.arange(image.shape[3]).expand(*valid.shape, -1)
         association = Association(
-            raw[:, 1:2].expand(-1, valid.shape[1], -1, -1), torch.where(valid.unsqueeze(2), column, -1), 1
+            raw[:, 1:2].expand(-1, valid.shape[1], -1, -1),
+            radar[:, :, 2:3].unsqueeze(3),
+            torch.where(valid.unsqueeze(2), column, -1),
         )
         confidence = raw[:, 2:]
         return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None)
@@ -184,7 +186,7 @@ def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> 
 def test_a_part_that_a_network_does_not_have_is_refused(tmp_path: Path, data: TrainingData) -> None:
     config = dataclasses.replace(CONFIG, stages=(StageConfig(1.0, 64, 64, 1, ("fusing",)),))
     with pytest.raises(
-        TrainingError, match=r"trains 'fusing', which is no part of baff; its parts are association, fu"
+        TrainingError, match=r"trains 'fusing', which is no part of baff; its parts are encoder, association, fu"
     ):
         run(data, tmp_path / "run", config, network="baff")
 
