@@ -115,9 +115,7 @@ class EmbeddingAssociation(nn.Module):
         nn.init.zeros_(self.point_head.bias)
         nn.init.constant_(self.point_head.bias[-1], FEW)
 
-    def forward(
-        self, image: Tensor, maps: list[Tensor], radar: Tensor, valid: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, image: Tensor, maps: list[Tensor], radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Finds each pixel's return.
 
         Args:

@@ -158,7 +158,7 @@ class Baff(Network):
             self.fusion: QuarterFusion | PaperFusion = PaperFusion(config.position_pool, *ablation)
         else:
             self.rasterise = Rasterise(
-                config.min_depth_m, config.max_depth_m, config.ground_prior, config.considered
+                config.min_depth_m, config.max_depth_m, config.ground_prior, config.considered, config.detail
             )
             self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks)
             self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
@@ -170,7 +170,7 @@ class Baff(Network):
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
         maps = self.encoder(image, geometry.prior.to(image.dtype))
         best, depth, features = self.association(image, maps, radar, valid)
-        return self._choose(maps, features, best, depth, geometry, ground)[0]
+        return self._choose(maps, features, best, depth, geometry)[0]
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
@@ -193,7 +193,8 @@ class Baff(Network):
             return TrainOutputs(None, None, association, None)
         if geometry is None:
             return TrainOutputs(*self._regress(image, best, depth), association, None)
-        depths, confidence_logit, choice = self._choose(maps, features, best, depth, geometry, ground)
+        depths, confidence_logit, choice = self._choose(maps, features, best, depth, geometry)
+        assert isinstance(self.fusion, QuarterFusion)
         logits, planes = self.fusion.hypotheses(choice)
         return TrainOutputs(depths, confidence_logit, association, Candidates(logits, self._depth(planes)))
 
@@ -207,14 +208,17 @@ class Baff(Network):
         return depths, raw[:, 1:]
 
     def _choose(
-        self, maps: list[Tensor], features: Tensor, best: Tensor, depth: Tensor, geometry: Geometry, ground: Tensor
+        self, maps: list[Tensor], features: Tensor, best: Tensor, depth: Tensor, geometry: Geometry
     ) -> tuple[Depths, Tensor, Choice]:
         """Stage 2 at a quarter: the depths, the confidence's logit at the image's size, and the choice behind them."""
         rows, columns = features.shape[2], features.shape[3]
         _, semi_dense, _ = self._semi_dense(best, depth)
         # Of regions, which work at the image's size, one pixel stands for its cell: depths are not blended.
         step = best.shape[2] // rows
-        best, depth = best[:, :, step // 2 :: step, step // 2 :: step], depth[:, :, step // 2 :: step, step // 2 :: step]
+        best, depth = (
+            best[:, :, step // 2 :: step, step // 2 :: step],
+            depth[:, :, step // 2 :: step, step // 2 :: step],
+        )
         probability, _, covered = self._semi_dense(best, depth)
         found = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
         found = torch.where(best > 0.5 * self.outside, found, torch.ones_like(found))
@@ -222,8 +226,7 @@ class Baff(Network):
         # learned anything, has no variance, and each batch norm on its way multiplies the gradient by 300.
         known = torch.cat([torch.where(covered, found, torch.zeros_like(found)), probability, geometry.drawn], dim=1)
         suggested = torch.cat([geometry.prior[:, 2:3], geometry.layers, found], dim=1)
-        road, _ = self.rasterise.road(ground, rows * self.detail, columns * self.detail, self.stride / self.detail)
-        choice = self.fusion(maps, features, known, road, suggested)
+        choice = self.fusion(maps, features, known, geometry.road, suggested)
         plane, confidence_logit = choice.plane, choice.confidence_logit
         size = (rows * self.stride, columns * self.stride)
         if self.detail < self.stride:

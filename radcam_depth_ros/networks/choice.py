@@ -91,7 +91,7 @@ class QuarterFusion(nn.Module):
         self.depth_encoder = DepthEncoder(2 + CANDIDATES + 2, channels)
         # Deviation: what stage 1 learned of the image is used again. 0 at first, so that training starts as without.
         self.shared = Projection(features, channels[0])
-        nn.init.zeros_(self.shared[1].weight)
+        nn.init.zeros_(self.shared.get_parameter("1.weight"))
         self.gates = Gates(channels, 1)
         self.bidirectional = BidirectionalFusion(channels, bottom_up, coarse=True)
         self.refinement = Refinement(channels[:3], pools, channel_attention, position_attention, coarse=True)
@@ -103,9 +103,7 @@ class QuarterFusion(nn.Module):
         last.bias = nn.Parameter(bias.flatten())
         self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), last)
 
-    def forward(
-        self, maps: list[Tensor], features: Tensor, planes: Tensor, road: Tensor, suggested: Tensor
-    ) -> Choice:
+    def forward(self, maps: list[Tensor], features: Tensor, planes: Tensor, road: Tensor, suggested: Tensor) -> Choice:
         """Chooses the depth of each part of a pixel.
 
         Args:

@@ -71,13 +71,13 @@ class BidirectionalFusion(nn.Module):
         super().__init__()
         count = len(channels) - 1
         # Coarsest first: TorchScript cannot walk a list of modules backwards.
-        self.top_down = nn.ModuleList(
-            [UpConv(channels[i + 1], channels[i], coarse) for i in reversed(range(count))]
-        )
+        self.top_down = nn.ModuleList([UpConv(channels[i + 1], channels[i], coarse) for i in reversed(range(count))])
         self.bottom_up = nn.ModuleList()
         if bottom_up:
             first = ConvBlock(channels[0], channels[0])
-            self.bottom_up.extend([first, *(ConvBlock(channels[i - 1], channels[i], stride=2) for i in range(1, count))])
+            self.bottom_up.extend(
+                [first, *(ConvBlock(channels[i - 1], channels[i], stride=2) for i in range(1, count))]
+            )
 
     def forward(self, fused: list[Tensor]) -> list[Tensor]:
         # F_n = P_n; F_i = Conv(Up(F_{i+1})) + P_i, equation 5; F_n itself is not needed after.

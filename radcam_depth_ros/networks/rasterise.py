@@ -31,11 +31,13 @@ class Geometry(NamedTuple):
         how near in the image that return is (1 at it, 0 far away).
     layers: (B, 3, h, w): quantiles `SHARES` of the returns around a pixel.
     drawn: (B, 2, h, w): the returns where they are, 0 elsewhere, and whether there is one.
+    road: (B, 1, h detail, w detail): the flat road again, in more detail.
     """
 
     prior: Tensor
     layers: Tensor
     drawn: Tensor
+    road: Tensor
 
 
 class Rasterise(nn.Module):
@@ -46,6 +48,7 @@ class Rasterise(nn.Module):
         max_depth_m: Farthest depth.
         ground_prior: Whether to give the road's depth; else it is unknown.
         considered: How many returns a cell looks up.
+        detail: Parts of a pixel along each axis in `Geometry.road`.
     """
 
     cell_px: Final[int] = CELL_PX
@@ -53,25 +56,30 @@ class Rasterise(nn.Module):
     cell: Final[int] = CELL_PX // STRIDE
     shares: Final[tuple[float, float, float]] = SHARES
 
-    def __init__(self, min_depth_m: float, max_depth_m: float, ground_prior: bool, considered: int) -> None:
+    def __init__(
+        self, min_depth_m: float, max_depth_m: float, ground_prior: bool, considered: int, detail: int
+    ) -> None:
         super().__init__()
         self.min_depth_m = min_depth_m
         self.max_depth_m = max_depth_m
         self.ground_prior = ground_prior
         self.considered = considered
+        self.detail = detail
 
     def forward(self, radar: Tensor, valid: Tensor, ground: Tensor, height: int, width: int) -> Geometry:
         """Takes (B, N, 6), (B, N), (B, 3) and the image's size; N may be 0."""
-        road, known = self.road(ground, height // self.stride, width // self.stride, float(self.stride))
+        rows, columns = height // self.stride, width // self.stride
+        road, known = self._road(ground, rows, columns, float(self.stride))
+        fine, _ = self._road(ground, rows * self.detail, columns * self.detail, self.stride / self.detail)
         depth, distance, layers = self._around(radar.float(), valid, height // self.cell_px, width // self.cell_px)
         nearest = torch.minimum(road, self.plane(depth))
         prior = torch.cat([road * known, known, nearest, torch.exp(-distance / 40.0)], dim=1)
         drawn = draw_nearest(radar, valid, height, width, self.stride)
         hit = drawn > 0
         drawn = torch.cat([torch.where(hit, self.plane(drawn), torch.zeros_like(drawn)), hit.float()], dim=1)
-        return Geometry(prior, self.plane(layers), drawn)
+        return Geometry(prior, self.plane(layers), drawn, fine)
 
-    def road(self, ground: Tensor, height: int, width: int, stride: float) -> tuple[Tensor, Tensor]:
+    def _road(self, ground: Tensor, height: int, width: int, stride: float) -> tuple[Tensor, Tensor]:
         """The flat road's depth as a plane of pixels of `stride` (1, the farthest, where unknown), and if it is known.
 
         Args:
@@ -107,9 +115,10 @@ class Rasterise(nn.Module):
         # As many padding rows as a cell looks up, so that there are always enough.
         radar = functional.pad(radar[:, :, :3], (0, 0, 0, self.considered), value=1.0)
         valid = functional.pad(valid, (0, self.considered), value=False)
-        across = (_centres(columns, float(self.cell_px), radar.device).reshape(1, -1, 1) - radar[:, :, 0].unsqueeze(1)) / 4.0
-        along = (_centres(rows, float(self.cell_px), radar.device).reshape(1, -1, 1) - radar[:, :, 1].unsqueeze(1)) / 8.0
-        far = along.square().unsqueeze(2) + across.square().unsqueeze(1)
+        u, v = _centres(columns, float(self.cell_px), radar.device), _centres(rows, float(self.cell_px), radar.device)
+        across = u.reshape(1, -1, 1) - radar[:, :, 0].unsqueeze(1)
+        along = v.reshape(1, -1, 1) - radar[:, :, 1].unsqueeze(1)
+        far = (along / 8.0).square().unsqueeze(2) + (across / 4.0).square().unsqueeze(1)
         far = far.masked_fill(~valid.unsqueeze(1).unsqueeze(2), 1.0e18).flatten(1, 2)
         far, index = torch.topk(far, self.considered, dim=2, largest=False, sorted=False)
         # From near to far in depth; those that are none come last and weigh nothing.

@@ -13,6 +13,7 @@ from radcam_depth_ros.networks.rasterise import CELL_PX
 
 ENCODER_CHANNELS = (32, 64, 128, 128, 128)
 
+
 class RegionAssociation(nn.Module):
     """The paper's form: concatenate a return's region of each feature map with its radar map, and decode it.
 
@@ -70,9 +71,7 @@ class RegionAssociation(nn.Module):
         inside = (columns >= 0) & (columns < width) & valid.unsqueeze(2)
         return logits, torch.where(inside, columns, -1)
 
-    def forward(
-        self, image: Tensor, maps: list[Tensor], radar: Tensor, valid: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, image: Tensor, maps: list[Tensor], radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Finds each pixel's return.
 
         Args:

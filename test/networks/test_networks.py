@@ -295,7 +295,7 @@ def test_geometry_alone_is_what_an_idle_head_gives(detail: int) -> None:
 def layers(radar: list[list[float]], valid: list[bool]) -> Tensor:
     """Quantiles 0.5, 0.1, 0.3, 0.7, 0.9 of returns (u, v, depth) on an image of 64 x 96 pixels, metres."""
     rows = torch.tensor([[[*row, 0.0, 0.0, 0.0] for row in radar]])
-    rasterise = Rasterise(1.0, 100.0, ground_prior=True, considered=16)
+    rasterise = Rasterise(1.0, 100.0, ground_prior=True, considered=16, detail=2)
     geometry = rasterise(rows, torch.tensor([valid]), torch.full((1, 3), float("nan")), 64, 96)
     return plane_to_depth(geometry.layers, 1.0, 100.0)
 
