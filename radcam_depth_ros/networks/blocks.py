@@ -41,7 +41,7 @@ class ResidualBlock(nn.Module):
         self.activation = nn.LeakyReLU(LEAK, inplace=True)
 
     def forward(self, x: Tensor) -> Tensor:
-        result: Tensor = self.activation(self.second(self.first(x)) + self.shortcut(x))
+        result: Tensor = self.activation(self.second(self.first(x)).add_(self.shortcut(x)))
         return result
 
 
@@ -99,12 +99,32 @@ class QuarterEncoder(nn.Module):
 
     def forward(self, image: Tensor, planes: Tensor) -> list[Tensor]:
         """Takes (B, 3, H, W) and (B, planes, H / 4, W / 4) to maps at 1/4, 1/8, 1/16, 1/32."""
-        x = self.activation(self.stem(image) + self.join(planes))
+        x = self.activation(self.stem(image).add_(self.join(planes)))
         maps: list[Tensor] = []
         for level in self.levels:
             x = level(x)
             maps.append(x)
         return maps
+
+
+class PlanarConv(nn.Module):
+    """1x1 convolution of a map with channels last in memory to one with rows together: no copy in between.
+
+    Args:
+        in_channels: Channels of the map.
+        bias: (out_channels,), what it gives before training: its weights are 0.
+    """
+
+    def __init__(self, in_channels: int, bias: Tensor) -> None:
+        super().__init__()
+        self.weight = nn.Parameter(torch.zeros(len(bias), in_channels, 1, 1))
+        self.bias = nn.Parameter(bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        pixels = x.permute(0, 2, 3, 1).flatten(1, 2).transpose(1, 2)
+        weight = self.weight.flatten(1).unsqueeze(0).expand(x.shape[0], -1, -1)
+        planes = torch.baddbmm(self.bias.reshape(1, -1, 1), weight, pixels)
+        return planes.reshape(x.shape[0], -1, x.shape[2], x.shape[3])
 
 
 def _level(in_channels: int, out_channels: int, stride: int, blocks: int) -> nn.Sequential:
@@ -139,7 +159,7 @@ class UpSum(nn.Module):
         self.conv = ConvBlock(out_channels, out_channels)
 
     def forward(self, x: Tensor, skip: Tensor) -> Tensor:
-        result: Tensor = self.conv(self.activation(self.lateral(skip) + double(self.reduce(x))))
+        result: Tensor = self.conv(self.activation(double(self.reduce(x)).add_(self.lateral(skip))))
         return result
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from radcam_depth_ros.networks.blocks import ConvBlock, Projection
+from radcam_depth_ros.networks.blocks import ConvBlock, PlanarConv, Projection
 from radcam_depth_ros.networks.fusion import BidirectionalFusion, Gates, Refinement
 
 CANDIDATES = 7
@@ -95,13 +95,10 @@ class QuarterFusion(nn.Module):
         self.gates = Gates(channels, 1)
         self.bidirectional = BidirectionalFusion(channels, bottom_up, coarse=True)
         self.refinement = Refinement(channels[:3], pools, channel_attention, position_attention, coarse=True)
-        last = nn.Conv2d(channels[0], detail * detail * (2 + CANDIDATES), 1)
         # Training starts from the first candidate.
-        nn.init.zeros_(last.weight)
         bias = torch.zeros(2 + CANDIDATES, detail * detail)
         bias[2] = FAVOURED
-        last.bias = nn.Parameter(bias.flatten())
-        self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), last)
+        self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), PlanarConv(channels[0], bias.flatten()))
 
     def forward(self, maps: list[Tensor], features: Tensor, planes: Tensor, road: Tensor, suggested: Tensor) -> Choice:
         """Chooses the depth of each part of a pixel.
@@ -117,10 +114,10 @@ class QuarterFusion(nn.Module):
         depth_maps = self.depth_encoder(torch.cat([planes, parts.mean(dim=2), others], dim=1).to(features.dtype))
         image_maps = [maps[0] + self.shared(features), maps[1], maps[2], maps[3]]
         fused = self.gates(image_maps, depth_maps)
+        # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.
         raw = self.head(self.refinement(self.bidirectional(fused))).float()
         batch, rows, columns = raw.shape[0], raw.shape[2], raw.shape[3]
-        # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.
-        raw = raw.contiguous().reshape(batch, -1, self.detail * self.detail, rows, columns)
+        raw = raw.reshape(batch, -1, self.detail * self.detail, rows, columns)
         logits = raw[:, 2:]
         share = torch.softmax(logits, dim=1)
         plane = raw[:, 0] + (share[:, :3] * parts).sum(dim=1) + (share[:, 3:] * others.unsqueeze(2)).sum(dim=1)

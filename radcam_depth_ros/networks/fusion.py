@@ -24,7 +24,7 @@ class Gate(nn.Module):
         self.project = Projection(channels, channels)
 
     def forward(self, image: Tensor, depth: Tensor) -> Tensor:
-        result: Tensor = self.project(image + depth * torch.sigmoid(self.weight(depth)))
+        result: Tensor = self.project(torch.addcmul(image, depth, self.weight(depth).sigmoid_()))
         return result
 
 
@@ -44,17 +44,17 @@ class Gates(nn.Module):
 
 
 class UpConv(nn.Module):
-    """Conv(Up(x)), equations 5 and 7; or Up(Conv(x)), a quarter of the cost."""
+    """Conv(Up(x)) plus a finer map, equations 5 and 7; or Up(Conv(x)), a quarter of the cost."""
 
     def __init__(self, in_channels: int, out_channels: int, coarse: bool) -> None:
         super().__init__()
         self.coarse = coarse
         self.conv = ConvBlock(in_channels, out_channels)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(self, x: Tensor, finer: Tensor) -> Tensor:
         if self.coarse:
-            return double(self.conv(x))
-        result: Tensor = self.conv(double(x))
+            return double(self.conv(x)).add_(finer)
+        result: Tensor = self.conv(double(x)) + finer
         return result
 
 
@@ -85,7 +85,7 @@ class BidirectionalFusion(nn.Module):
         x = fused[last]
         down: list[Tensor] = []
         for index, conv in enumerate(self.top_down):
-            x = conv(x) + fused[last - 1 - index]
+            x = conv(x, fused[last - 1 - index])
             down.insert(0, x)
         if len(self.bottom_up) == 0:
             return down
@@ -95,7 +95,7 @@ class BidirectionalFusion(nn.Module):
         for index, conv in enumerate(self.bottom_up):
             x = conv(x) + fused[index]
             if index > 0:
-                x = x + down[index]
+                x.add_(down[index])
             maps.append(x)
         return maps
 
@@ -137,7 +137,7 @@ class Refinement(nn.Module):
             attended.append(attention(maps[last - index]))
         x = attended[0]
         for index, up in enumerate(self.up):
-            x = up(x) + attended[index + 1]
+            x = up(x, attended[index + 1])
         return x
 
 
