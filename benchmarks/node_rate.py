@@ -10,7 +10,6 @@ always has one that waits, so that it is never idle, and drops none. `--hz` publ
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import struct
 import sys
@@ -32,6 +31,7 @@ from rich.console import Console
 from rich.table import Table
 
 from demo.process import DemoError, NodeProcess
+from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node.factory import build_message, message_class
@@ -261,7 +261,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--in-flight", type=int, default=2, help="images under way at any moment [2]")
     parser.add_argument("--hz", type=float, help="publish at this rate, whatever the node makes of it")
     parser.add_argument("--parameter", action="append", default=[], metavar="NAME:=VALUE", help="for the node")
-    parser.add_argument("--json", help="write the figures to a file, - for stdout")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     return parser.parse_args(arguments)
 
 
@@ -290,8 +290,7 @@ def main(arguments: list[str] | None = None) -> int:
             *(str(row[name]) for name in ("sent", "dropped", "node_cpu", "feeder_cpu")),
         )
     if options.json:
-        text = json.dumps({"points": options.points, "sizes": rates}, indent=2)
-        print(text) if options.json == "-" else Path(options.json).write_text(text + "\n", encoding="utf-8")
+        write_json({"points": options.points, "sizes": rates}, options.json)
     if options.json != "-":
         Console().print(table)
     return 0

@@ -1,14 +1,13 @@
 """Replay of a simulated 900 x 1600 drive against the network's own time over the same frames, in one process.
 
 Run it from the repository's root: `python -m benchmarks.replay`; `--bag` takes another drive, `--model` other weights,
-`--json` prints figures alone. The two are timed alternately, and the ratio is the median of those of the rounds.
+`--json FILE` writes the figures. The two are timed alternately, and the ratio is the median of those of the rounds.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import statistics
 import tempfile
 import time
@@ -18,6 +17,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.drive import DriveSettings, read_samples
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.replay import ReplayOptions, replay
@@ -65,7 +65,7 @@ def main() -> None:
     parser.add_argument("--model", type=Path, help="weights; those of baff by default")
     parser.add_argument("--compress", action="store_true", help="write a compressed bag")
     parser.add_argument("--encoding", default="32FC1", help="of the depth images")
-    parser.add_argument("--json", action="store_true", help="print figures alone")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     estimator = Estimator(EstimatorConfig(model_file=str(options.model or "")))
     written = ReplayOptions(compress=options.compress, depth_encoding=options.encoding)
@@ -74,7 +74,8 @@ def main() -> None:
         bag = options.bag or simulated(folder / "drive", options.frames)
         found = compare(bag, folder, estimator, written, options.rounds)
     if options.json:
-        print(json.dumps(found, indent=2))
+        write_json(found, options.json)
+    if options.json == "-":
         return
     table = Table(*found, title="replay against the network alone")
     table.add_row(*(f"{value:.3g}" for value in found.values()))

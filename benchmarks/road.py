@@ -1,6 +1,6 @@
 """Everything but the network, message in to message out, at 900 x 1600: median and p99 of each part.
 
-Run it from the repository's root: `python -m benchmarks.road`, with `--json` for figures alone, `--ros` for rclpy's
+Run it from the repository's root: `python -m benchmarks.road`, with `--json FILE` for the figures, `--ros` for rclpy's
 messages in place of rosbags', and `--frames 200` for a finer p99. The network is a stub without cost. The column "cpu"
 is the processor time of all threads, which other programs on the machine disturb less than the wall's.
 """
@@ -8,7 +8,6 @@ is the processor time of all threads, which other programs on the machine distur
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,6 +21,7 @@ from rich.table import Table
 from torch import Tensor, nn
 
 from radcam_depth_ros.bags import factory as bag_factory
+from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
@@ -146,7 +146,7 @@ def measure(make: MessageFactory, estimator: Estimator, encoding: str, distorted
 def main() -> None:
     """Prints a table for each camera and encoding, or all as JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print figures alone")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     parser.add_argument("--ros", action="store_true", help="build rclpy's messages")
     parser.add_argument("--frames", type=int, default=100, help="how many frames to time")
     options = parser.parse_args()
@@ -160,7 +160,8 @@ def main() -> None:
         for encoding in ("rgb8", "bgr8")
     }
     if options.json:
-        print(json.dumps(found, indent=2))
+        write_json(found, options.json)
+    if options.json == "-":
         return
     for title, parts in found.items():
         table = Table("part", "median ms", "p99 ms", "cpu ms", title=f"{CAMERA.height} x {CAMERA.width}, {title}")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import functools
-import json
 import os
 import resource
 import signal
@@ -29,6 +28,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node.factory import build_message, message_class
@@ -130,7 +130,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--size", default="448x800", help="rows x columns of the image")
     parser.add_argument("--log", type=Path, help="file for what the node logs")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     height, width = (int(value) for value in options.size.split("x"))
     camera = CameraModel(width, height, 630.0, 630.0, (width - 1) / 2, (height - 1) / 2)
@@ -142,7 +142,7 @@ def main() -> None:
         rows.append(measured(name, options.repeats, functools.partial(help_s, verb)))
     if options.json:
         figures = {"cpus": os.cpu_count(), "load_1_min": os.getloadavg()[0], "size": options.size, "rows": rows}
-        options.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+        write_json(figures, options.json)
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from rich.table import Table
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, in_rotation
 from radcam_depth_ros.benchmarking.stages import count_gflop
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
+from radcam_depth_ros.cli.options import write_json
 
 SHIPPED = "as shipped"
 FORMS: dict[str, dict[str, Any]] = {
@@ -115,7 +116,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=80, help="frames of the validation")
     parser.add_argument("--rounds", type=int, default=30, help="turns of the timing")
     parser.add_argument("--forms", nargs="+", choices=FORMS, default=list(FORMS), metavar="NAME")
-    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     names = [SHIPPED, *(name for name in options.forms if name != SHIPPED)]
@@ -140,7 +141,7 @@ def main() -> None:
         )
     Console().print(table)
     if options.json:
-        options.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+        write_json(figures, options.json)
 
 
 if __name__ == "__main__":
