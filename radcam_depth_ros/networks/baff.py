@@ -49,7 +49,7 @@ class BaffConfig:
     Attributes:
         association: `embedding` (one decoder pass however many returns) or `regions` (the paper's, one for each).
         fusion: `quarter` (from 1/4 on, choosing between known depths) or `paper` (from 1/2 on, regressing depth).
-        threshold: tau, the confidence from which on a pixel takes its return's depth.
+        threshold: tau, the confidence from which on a pixel of the semi-dense depth takes its return's depth.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
@@ -200,9 +200,10 @@ class Baff(Network):
 
     def _regress(self, image: Tensor, best: Tensor, depth: Tensor) -> tuple[Depths, Tensor]:
         """The paper's stage 2: depths and the confidence's logit."""
-        probability, semi_dense, covered = self._semi_dense(best, depth)
+        probability, semi_dense = self._semi_dense(best, depth)
         plane = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
-        known = torch.cat([torch.where(covered, plane, torch.zeros_like(plane)), probability], dim=1)
+        plane = torch.where(probability > self.threshold, plane, torch.zeros_like(plane))
+        known = torch.cat([plane, probability], dim=1)
         raw = self.fusion(image, known.to(image.dtype)).float()
         depths = Depths(self._depth(torch.sigmoid(raw[:, :1])), semi_dense, torch.sigmoid(raw[:, 1:]))
         return depths, raw[:, 1:]
@@ -212,19 +213,21 @@ class Baff(Network):
     ) -> tuple[Depths, Tensor, Choice]:
         """Stage 2 at a quarter: the depths, the confidence's logit at the image's size, and the choice behind them."""
         rows, columns = features.shape[2], features.shape[3]
-        _, semi_dense, _ = self._semi_dense(best, depth)
+        _, semi_dense = self._semi_dense(best, depth)
         # Of regions, which work at the image's size, one pixel stands for its cell: depths are not blended.
         step = best.shape[2] // rows
         best, depth = (
             best[:, :, step // 2 :: step, step // 2 :: step],
             depth[:, :, step // 2 :: step, step // 2 :: step],
         )
-        probability, _, covered = self._semi_dense(best, depth)
+        probability, _ = self._semi_dense(best, depth)
         found = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
         found = torch.where(best > 0.5 * self.outside, found, torch.ones_like(found))
         # The probability, not whether it passes tau: a plane that is 0 everywhere, as that would be before stage 1 has
         # learned anything, has no variance, and each batch norm on its way multiplies the gradient by 300.
-        known = torch.cat([torch.where(covered, found, torch.zeros_like(found)), probability, geometry.drawn], dim=1)
+        # Deviation: what is likelier than not, whatever tau is, so that tau can be set after the training.
+        likely = torch.where(probability > 0.5, found, torch.zeros_like(found))
+        known = torch.cat([likely, probability, geometry.drawn], dim=1)
         suggested = torch.cat([geometry.prior[:, 2:3], geometry.layers, found], dim=1)
         choice = self.fusion(maps, features, known, geometry.road, suggested)
         plane, confidence_logit = choice.plane, choice.confidence_logit
@@ -235,11 +238,10 @@ class Baff(Network):
         semi_dense = functional.interpolate(semi_dense, size, mode="nearest")
         return Depths(self._depth(plane), semi_dense, torch.sigmoid(confidence_logit)), confidence_logit, choice
 
-    def _semi_dense(self, best: Tensor, depth: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Probability of stage 1's return, its depth where that passes tau (else NaN), and where it does."""
+    def _semi_dense(self, best: Tensor, depth: Tensor) -> tuple[Tensor, Tensor]:
+        """Probability of stage 1's return, and its depth where that passes tau, else NaN."""
         probability = torch.sigmoid(best.detach().float())
-        covered = probability > self.threshold
-        return probability, torch.where(covered, depth, torch.full_like(depth, float("nan"))), covered
+        return probability, torch.where(probability > self.threshold, depth, torch.full_like(depth, float("nan")))
 
     def _depth(self, plane: Tensor) -> Tensor:
         return plane_to_depth(plane, self.min_depth_m, self.max_depth_m)
