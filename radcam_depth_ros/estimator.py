@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 
-from radcam_depth_ros.engine import PRECISIONS, Engine
+from radcam_depth_ros.engine import PRECISIONS, Engine, apart
 from radcam_depth_ros.frame import (
     CameraModel,
     DepthResult,
@@ -19,7 +20,7 @@ from radcam_depth_ros.frame import (
 )
 from radcam_depth_ros.geometry import CanonicalCamera, ground_coefficients, project
 from radcam_depth_ros.networks import Depths, archive
-from radcam_depth_ros.networks.archive import Archive
+from radcam_depth_ros.networks.archive import Archive, Card
 from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, resample_image
 
 OUTPUT_SIZES = ("native", "network")
@@ -99,6 +100,11 @@ def radar_columns(radar: RadarReturns, camera: CameraModel, max_depth_m: float) 
     return columns[kept].astype(np.float32)
 
 
+def _load(config: EstimatorConfig, loaded: Archive | None) -> tuple[Card, Engine]:
+    source = loaded or archive.load(config.model_file or config.network)
+    return source.card, Engine(source.network, config.device, config.precision)
+
+
 class Estimator:
     """A loaded network that turns frames into depth.
 
@@ -113,11 +119,9 @@ class Estimator:
 
     def __init__(self, config: EstimatorConfig | None = None, loaded: Archive | None = None) -> None:
         self.config = config or EstimatorConfig()
-        source = loaded or archive.load(self.config.model_file or self.config.network)
-        self.card = source.card
         if self.config.threads:
             torch.set_num_threads(self.config.threads)
-        self._engine = Engine(source.network, self.config.device, self.config.precision)
+        self.card, self._engine = apart(partial(_load, self.config, loaded))
         self._plans: dict[CameraModel, CanonicalCamera] = {}
 
     def describe(self) -> str:

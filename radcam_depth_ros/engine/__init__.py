@@ -2,5 +2,6 @@
 
 from radcam_depth_ros.engine.engine import MODES, Engine
 from radcam_depth_ros.engine.precision import PRECISIONS, EngineError, choose, processor_has_bfloat16
+from radcam_depth_ros.engine.threads import apart
 
-__all__ = ["MODES", "PRECISIONS", "Engine", "EngineError", "choose", "processor_has_bfloat16"]
+__all__ = ["MODES", "PRECISIONS", "Engine", "EngineError", "apart", "choose", "processor_has_bfloat16"]

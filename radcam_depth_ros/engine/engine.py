@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
+from functools import partial
 
 import torch
 from torch import Tensor, nn
@@ -11,6 +12,7 @@ from torch import Tensor, nn
 from radcam_depth_ros.engine.calls import PlainCalls
 from radcam_depth_ros.engine.graphs import CudaGraphs
 from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
+from radcam_depth_ros.engine.threads import apart
 from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
 
@@ -86,7 +88,10 @@ class Engine:
     def warm_up(self, height: int, width: int) -> None:
         """Makes frames of a size as fast as they will be; at once where that has been done for the size."""
         if (height, width) not in self._sizes:
-            self._calls.warm_up(height, width)
+            if isinstance(self._calls, CudaGraphs):
+                self._calls.warm_up(height, width)
+            else:
+                apart(partial(self._calls.warm_up, height, width))
             self._sizes.add((height, width))
 
 
