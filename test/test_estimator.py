@@ -90,7 +90,9 @@ def test_a_flat_wall_has_the_same_depth_for_any_camera(
     image[:, start : start + wall_px] = 255
     result = estimator(MeasuresAWall()).estimate(frame(camera, image))
     assert result.dense.shape == (height, width)
-    np.testing.assert_allclose(result.dense, depth_m, rtol=5e-3)
+    # An edge of the wall is found to a part of a pixel.
+    wall_scaled_px = wall_px * plan.scaled.width / width
+    np.testing.assert_allclose(result.dense, depth_m, rtol=max(5e-3, 0.25 / wall_scaled_px))
 
 
 @pytest.mark.parametrize(
