@@ -130,7 +130,8 @@ class Baff(Network):
         ("depth encoder", "fusion.depth_encoder"),
         ("gates", "fusion.gates"),
         ("bidirectional fusion", "fusion.bidirectional"),
-        ("attention and refinement", "fusion.refinement"),
+        *((f"attention 1/{16 >> index}", f"fusion.refinement.attention.{index}") for index in range(4)),
+        *(("refinement", f"fusion.refinement.up.{index}") for index in range(3)),
         ("head", "fusion.head"),
     )
     paper = PAPER
