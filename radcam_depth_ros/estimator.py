@@ -21,7 +21,7 @@ from radcam_depth_ros.frame import (
 from radcam_depth_ros.geometry import CanonicalCamera, ground_coefficients, project
 from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.archive import Archive, Card
-from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, resample_image
+from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, resample_image, use_one_thread
 
 OUTPUT_SIZES = ("native", "network")
 
@@ -119,6 +119,7 @@ class Estimator:
 
     def __init__(self, config: EstimatorConfig | None = None, loaded: Archive | None = None) -> None:
         self.config = config or EstimatorConfig()
+        use_one_thread()
         if self.config.threads:
             torch.set_num_threads(self.config.threads)
         self.card, self._engine = apart(partial(_load, self.config, loaded))

@@ -30,6 +30,11 @@ def rectify(image: ImageArray, camera: CameraModel, lens: Lens | None) -> ImageA
     return image if lens is None else resample_image(image, CanonicalCamera(camera, camera, camera), lens)
 
 
+def use_one_thread() -> None:
+    """Keeps OpenCV to the thread that calls it, in this process: its own threads would take turns with the network's."""
+    cv2.setNumThreads(1)
+
+
 def resample_image(image: ImageArray, plan: CanonicalCamera, lens: Lens | None = None) -> ImageArray:
     """Rectifies, scales and pads an image for the network, without a rectified image of its own size in between.
 
