@@ -31,7 +31,7 @@ def rectify(image: ImageArray, camera: CameraModel, lens: Lens | None) -> ImageA
 
 
 def use_one_thread() -> None:
-    """Keeps OpenCV to the thread that calls it, in this process: its own threads would take turns with the network's."""
+    """Keeps OpenCV, in this process, to the thread that calls it: its own would take turns with the network's."""
     cv2.setNumThreads(1)
 
 
