@@ -147,7 +147,7 @@ class CudaGraphs:
             inputs = Inputs(height, width, count, self._device)
             inputs.fill(*blank_frame(height, width, count))
             inputs.upload()
-            aside = torch.cuda.Stream(self._device)  # type: ignore[no-untyped-call]
+            aside = torch.cuda.Stream(self._device)  # type: ignore[no-untyped-call]  # torch leaves it without types
             aside.wait_stream(torch.cuda.current_stream())
             with torch.cuda.stream(aside):
                 for _ in range(RUNS_BEFORE_CAPTURE):
@@ -158,5 +158,5 @@ class CudaGraphs:
             pool = next((other.graph.pool() for other in self._captured.values()), None)
             with torch.cuda.graph(graph, pool=pool):
                 outputs = forward(self._network, *inputs.device, self._dtype)
-            copies = torch.cuda.Stream(self._device)  # type: ignore[no-untyped-call]
+            copies = torch.cuda.Stream(self._device)  # type: ignore[no-untyped-call]  # torch leaves it without types
             return Captured(inputs, graph, outputs, copies)

@@ -59,7 +59,7 @@ def hedge(
     rng: np.random.Generator, length: float, width: float, height: float, colour: tuple[float, float, float]
 ) -> Mesh:
     """A clipped hedge along x, from the origin on: a dark core in a coat of leaves."""
-    core = Material(Surface.FOLIAGE, Label.VEGETATION, tuple(0.6 * c for c in colour), Texture.HEDGE, 1.5)  # type: ignore[arg-type]
+    core = Material(Surface.FOLIAGE, Label.VEGETATION, _darkened(colour, 0.6), Texture.HEDGE, 1.5)
     inner = box([length, width, height], [length / 2, 0, height / 2], core)
     count = int(14 * length)
     side = rng.integers(0, 3, count)
@@ -139,7 +139,7 @@ def _broadleaf(rng: np.random.Generator, colour: tuple[float, float, float]) -> 
     )
     blobs[0] = (0, 0, middle, spread * 0.8)
     stem = tube(0.018 * height + 0.05, middle, _bark(rng), 7, 0.05)
-    dark = Material(Surface.FOLIAGE, Label.VEGETATION, tuple(0.45 * c for c in colour), Texture.LEAF, 1.2)  # type: ignore[arg-type]
+    dark = Material(Surface.FOLIAGE, Label.VEGETATION, _darkened(colour, 0.45), Texture.LEAF, 1.2)
     core = [ball(r * 0.72, (x, y, z), dark, sections=8) for x, y, z, r in blobs]
     near = join([stem, *core, _leaves(rng, *_on_blobs(rng, blobs, 750), 0.22, _leaf(colour))])
     far = join([stem, *core[:4], _leaves(rng, *_on_blobs(rng, blobs, 150), 0.42, _leaf(colour))])
@@ -245,8 +245,13 @@ def _bush(rng: np.random.Generator, colour: tuple[float, float, float], bare: bo
 
         wood = Material(Surface.FOLIAGE, Label.VEGETATION, colour)
         return Plant(quads(stalks(160, 0.012), wood), quads(stalks(40, 0.04), wood), height)
-    dark = Material(Surface.FOLIAGE, Label.VEGETATION, tuple(0.5 * c for c in colour), Texture.HEDGE, 1.2)  # type: ignore[arg-type]
+    dark = Material(Surface.FOLIAGE, Label.VEGETATION, _darkened(colour, 0.5), Texture.HEDGE, 1.2)
     core = [ball(r * 0.8, (x, y, z), dark, sections=8) for x, y, z, r in blobs]
     near = join([*core, _leaves(rng, *_on_blobs(rng, blobs, 220), 0.13, _leaf(colour))])
     far = join([*core, _leaves(rng, *_on_blobs(rng, blobs, 40), 0.3, _leaf(colour))])
     return Plant(near, far, height)
+
+
+def _darkened(colour: tuple[float, float, float], share: float) -> tuple[float, float, float]:
+    red, green, blue = colour
+    return share * red, share * green, share * blue

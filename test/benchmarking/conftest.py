@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import pytest
 import torch
@@ -28,7 +29,7 @@ class Tiny(Network):
 
     config_type = TinyConfig
     stages = (("encoder", "encoder"), ("attention", "attention"), ("heads", "head"), ("heads", "tail.0"))
-    paper = {"width": 16}  # noqa: RUF012
+    paper = MappingProxyType({"width": 16})
 
     def __init__(self, config: TinyConfig) -> None:
         super().__init__(config)

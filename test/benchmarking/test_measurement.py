@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -212,9 +213,9 @@ def test_inputs_are_always_the_same() -> None:
         (lambda: Schedule(0), "must be positive, got 0 rounds"),
     ],
 )
-def test_what_cannot_be_measured(make: object, message: str) -> None:
+def test_what_cannot_be_measured(make: Callable[[], object], message: str) -> None:
     with pytest.raises(BenchmarkError, match=message):
-        make()  # type: ignore[operator]
+        make()
 
 
 def test_sizes_are_padded_as_the_estimator_does_it() -> None:
