@@ -40,7 +40,10 @@ def tile(config: SimulationConfig, seed: int, width: int) -> ImageArray:
     """Picture and depth of a seed side by side, `width` pixels in all, the seed's number in a corner."""
     image, depth = picture_and_depth(config, seed)
     size = (width // 2, round(width / 2 * image.shape[0] / image.shape[1]))
-    halves = [cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (image, messages.colorise(depth, _NEAREST_M, _FARTHEST_M))]
+    halves = [
+        cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        for part in (image, messages.colorise(depth, _NEAREST_M, _FARTHEST_M))
+    ]
     both = np.ascontiguousarray(np.hstack(halves))
     cv2.putText(both, str(seed), (4, size[1] - 5), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (0, 0, 0), 3, cv2.LINE_AA)
     cv2.putText(both, str(seed), (4, size[1] - 5), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)

@@ -21,6 +21,10 @@ class StreetKind(str, Enum):
     ARTERIAL = "arterial"
     RURAL = "rural"
     HIGHWAY = "highway"
+    JUNCTION = "junction"
+    CAR_PARK = "car_park"
+    TUNNEL = "tunnel"
+    CONSTRUCTION = "construction"
 
 
 class Weather(str, Enum):
@@ -59,7 +63,8 @@ class WorldConfig:
         parked: Parked vehicles, likewise.
         people: People on foot and on bicycles, likewise.
         speed: Speed of the ego vehicle and of traffic, as a multiple of what the kind of street has; 0 stands still.
-        max_slope: The steepest that hills may be, metres of rise a metre; 0 keeps the road flat.
+        max_slope: The steepest that hills may be, metres of rise a metre, and banks of curves; 0 keeps the road flat.
+        random_textures: Share of the seeds whose patterns and colours are drawn without regard to what they are on.
         view_m: How far ahead the street is built, metres.
     """
 
@@ -70,7 +75,8 @@ class WorldConfig:
     parked: float = 1.0
     people: float = 1.0
     speed: float = 1.0
-    max_slope: float = 0.05
+    max_slope: float = 0.08
+    random_textures: float = 0.15
     view_m: float = 400.0
 
     def __post_init__(self) -> None:
@@ -78,6 +84,8 @@ class WorldConfig:
             value = getattr(self, name)
             _require(0 <= value <= 4, f"world.{name} is a multiple between 0 and 4, got {value}")
         _require(0 <= self.max_slope <= 0.2, f"world.max_slope must be 0 to 0.2, got {self.max_slope}")
+        share = self.random_textures
+        _require(0 <= share <= 1, f"world.random_textures is a share between 0 and 1, got {share}")
         _require(100 <= self.view_m <= 1500, f"world.view_m must be 100 to 1500 m, got {self.view_m}")
 
 

@@ -44,7 +44,7 @@ class EgoDrive:
         self._swell = float(rng.uniform(0.0, 0.7))
         self._period = float(rng.uniform(18, 60))
         self._phase = float(rng.uniform(0, 2 * np.pi))
-        self.lane = int(rng.integers(style.lanes))
+        self.lane = int(rng.integers(style.open_lanes))
         self._offset = style.lane_centre_m(self.lane) + float(rng.normal(0, 0.2))
         self._wander = rng.uniform([0.02, 0.02, 0.0, 0.0], [0.3, 0.12, 0.004, 0.004])
         self._waves = rng.uniform([9, 4, 0.9, 1.3], [20, 8, 2.0, 2.6])
@@ -62,7 +62,8 @@ class EgoDrive:
         waves = self._wander * np.sin(2 * np.pi * time / self._waves + self._phases)
         lateral, speed_share = waves[0] + waves[1], min(1.0, self._speed / 5.0)
         s = float(self.s(time))
-        x, y = self._path.position(s, self._offset + lateral * speed_share)
+        t = self._offset + lateral * speed_share
+        x, y = self._path.position(s, t)
         slopes = (
             self._wander[:2]
             * 2
@@ -73,9 +74,11 @@ class EgoDrive:
         yaw = float(self._path.heading(s)) + float(slopes.sum()) * speed_share / max(self._speed, 5.0)
         uphill = self._relief.slope(float(x), float(y))
         ahead, left = uphill @ [np.cos(yaw), np.sin(yaw)], uphill @ [-np.sin(yaw), np.cos(yaw)]
+        ahead += float(np.diff(self._path.camber([s - 0.5, s + 0.5], t))[0])
+        left += float(np.diff(self._path.camber(s, [t - 0.5, t + 0.5]))[0])
         pitch = float(waves[2]) * speed_share - float(np.arctan(ahead))
         roll = float(waves[3]) * speed_share + float(np.arctan(left))
-        place = np.array([float(x), float(y), float(self._relief.height(float(x), float(y)))])
+        place = np.array([float(x), float(y), float(self._relief.height(float(x), float(y)) + self._path.camber(s, t))])
         return RigidTransform(_rotation(yaw, pitch, roll), place)
 
     def motion(self, time: float) -> Motion:

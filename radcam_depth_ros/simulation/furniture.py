@@ -32,6 +32,12 @@ def pole(rng: np.random.Generator) -> Mesh:
     return tube(0.14, float(rng.uniform(6.5, 10)), wood, 8, 0.1)
 
 
+def tube_pole(radius: float, height: float, colour: tuple[float, float, float]) -> Mesh:
+    """A mast with a crossbar along y."""
+    wood = Material(Surface.WOOD, Label.POLE, colour, Texture.BARK, 1.0)
+    return join([tube(radius, height, wood, 8, radius * 0.75), box([0.1, 1.4, 0.12], [0, 0, height - 0.6], wood)])
+
+
 def traffic_sign(rng: np.random.Generator) -> Mesh:
     """One or two plates on a post, facing -x."""
     steel = _steel(0.35)
@@ -182,6 +188,28 @@ def garden_wall(rng: np.random.Generator, length: float, height: float) -> Mesh:
     return box([length, 0.3, height], [length / 2, 0, height / 2], stone)
 
 
+def wire_fence(length: float, height: float) -> Mesh:
+    """A fence of wire mesh between posts, along x: what is behind shows through."""
+    wire = Material(Surface.METAL, Label.FENCE, (0.25, 0.27, 0.25))
+    post = tube(0.03, height, wire, 5)
+    rise, thick = 0.25, 0.006
+    starts = np.arange(-height, length, rise)
+    faces = []
+    for lean in (1.0, -1.0):
+        # Wires at 45 degrees, cut off at both ends of the fence.
+        low, high = np.clip(starts, 0, length), np.clip(starts + height, 0, length)
+        z0, z1 = low - starts, high - starts
+        if lean < 0:
+            z0, z1 = height - z0, height - z1
+        zero = np.zeros_like(low)
+        first, last = np.stack([low, zero, z0], -1), np.stack([high, zero, z1], -1)
+        wide = np.array([0.0, 0.0, 2 * thick])
+        faces.append(np.stack([first, last, last + wide, first + wide], 1)[high - low > 0.02])
+    posts = [post.moved((float(x), 0.0, 0.0)) for x in np.arange(0.0, length, 2.5)]
+    rails = [box([length, 0.02, 0.02], [length / 2, 0, z], wire) for z in (0.08, height)]
+    return join([quads(np.concatenate(faces), wire), *posts, *rails])
+
+
 def guard_rail(length: float) -> Mesh:
     """A steel rail on posts along x, its face towards -y."""
     steel = Material(Surface.METAL, Label.FENCE, (0.42, 0.43, 0.44), Texture.METAL, 2.0)
@@ -207,11 +235,15 @@ def concrete_barrier(length: float) -> Mesh:
     return box([length, 0.6, 0.9], [length / 2, 0, 0.45], concrete, (1.0, 0.4))
 
 
-def noise_wall(rng: np.random.Generator, length: float) -> Mesh:
+def noise_wall_look(rng: np.random.Generator) -> Material:
+    """What a noise barrier is made of."""
+    tone, green = float(rng.uniform(0.06, 0.5)), float(rng.uniform(0.9, 1.3))
+    texture = (Texture.PLANKS, Texture.CONCRETE, Texture.HEDGE)[int(rng.integers(3))]
+    return Material(Surface.PAVING, Label.WALL, (tone, tone * green, tone * 0.85), texture, 4.0)
+
+
+def noise_wall(length: float, height: float, face: Material) -> Mesh:
     """A noise barrier along x."""
-    tone = float(rng.uniform(0.1, 0.4))
-    face = Material(Surface.PAVING, Label.WALL, (tone, tone, tone * 0.85), Texture.PLANKS, 4.0)
-    height = float(rng.uniform(2.5, 4.5))
     return box([length, 0.25, height], [length / 2, 0, height / 2], face)
 
 

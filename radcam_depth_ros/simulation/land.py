@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from radcam_depth_ros.simulation import buildings, furniture, plants
+from radcam_depth_ros.simulation.animals import AnimalKind
+from radcam_depth_ros.simulation.lots import fill_lot, fill_open, lay_driveways
+from radcam_depth_ros.simulation.mesh import Mesh
 from radcam_depth_ros.simulation.street import STRETCH_M, Stretch
 from radcam_depth_ros.simulation.style import Land
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
@@ -20,6 +23,8 @@ def settle(stretch: Stretch, sign: int, land: Land) -> None:
         Land.HALLS: _halls,
         Land.PARK: _park,
         Land.NOISE_WALL: _noise_wall,
+        Land.LOT: fill_lot,
+        Land.OPEN: fill_open,
     }
     builders[land](stretch, sign)
 
@@ -36,10 +41,11 @@ def _blocks(stretch: Stretch, sign: int) -> None:
     while s < stretch.stop_m - 7:
         length = min(float(rng.uniform(9, 26)), stretch.stop_m - s)
         if stretch.crosses(s, s + length):
-            if s < stretch.crossing_m - 14:
-                length = stretch.crossing_m - 6.5 - s
+            half = style.crossing_half_m + 2.9
+            if s < stretch.crossing_m - half - 7.5:
+                length = stretch.crossing_m - half - s
             else:
-                s = max(s + 2.0, stretch.crossing_m + 6.5)
+                s = max(s + 2.0, stretch.crossing_m + half)
                 continue
         block = buildings.town_block(rng, length, float(rng.uniform(10, 15)), float(rng.uniform(6, 24)))
         setback = side.land_m + style.setback_m * float(rng.uniform(0.6, 1.4))
@@ -62,6 +68,7 @@ def _houses(stretch: Stretch, sign: int) -> None:
             )
         s += length + float(rng.uniform(3, 12))
     _boundary(stretch, sign)
+    lay_driveways(stretch, sign)
     _trees(stretch, sign, int(rng.integers(1, 7)), 1.5, max(style.setback_m, 4.0))
     _trees(stretch, sign, int(rng.integers(2, 8)), 22.0, 50.0)
     _bushes(stretch, sign, int(rng.integers(2, 9)), 1.0, 8.0)
@@ -75,16 +82,31 @@ def _boundary(stretch: Stretch, sign: int) -> None:
     while s < stretch.stop_m - 4:
         length = float(rng.uniform(6, 18))
         length = min(length, stretch.stop_m - s)
-        kind, height = int(rng.integers(6)), float(rng.uniform(0.7, 1.9))
-        if not stretch.crosses(s, s + length) and kind < 5:
-            mesh = [
-                plants.hedge(rng, length, float(rng.uniform(0.6, 1.1)), height, style.foliage),
-                plants.hedge(rng, length, 0.8, height * 0.8, style.twig if style.bare > 0.5 else style.foliage),
-                furniture.picket_fence(rng, length, min(height, 1.4)),
-                furniture.panel_fence(rng, length, height),
-                furniture.garden_wall(rng, length, height * 0.7),
-            ][kind]
-            stretch.place(mesh, s, sign * (edge + side.land_m + 0.6), float(stretch.ground_m(sign, s, 0.6)) - 0.02)
+        kind, height, wide = int(rng.integers(7)), float(rng.uniform(0.7, 1.9)), float(rng.uniform(0.6, 1.1))
+        if not stretch.crosses(s, s + length) and kind < 6:
+            leaf = style.twig if kind == 1 and style.bare > 0.5 else style.foliage
+            state = rng.integers(2**31)
+
+            # All pieces of one fence look the same: each is drawn anew from the same state.
+            def piece(
+                chord: float, kind: int = kind, height: float = height, wide: float = wide, state: int = int(state)
+            ) -> Mesh:
+                own = np.random.default_rng(state)
+                if kind < 2:
+                    return plants.hedge(own, chord, wide, height, leaf)  # noqa: B023  # used at once
+                if kind == 5:
+                    return furniture.wire_fence(chord, height)
+                build = (furniture.picket_fence, furniture.panel_fence, furniture.garden_wall)[kind - 2]
+                return build(own, chord, min(height, 1.4) if kind == 2 else height * (0.7 if kind == 4 else 1.0))
+
+            stretch.place_along(
+                piece,
+                sign,
+                s,
+                s + length,
+                sign * (edge + side.land_m + 0.6),
+                lambda at: float(stretch.ground_m(sign, at, 0.6)) - 0.02,
+            )
         s += length + float(rng.choice([0.0, 1.2, 3.5]))
 
 
@@ -122,10 +144,10 @@ def _field(stretch: Stretch, sign: int) -> None:
         colours = ((0.35, 0.27, 0.1), (0.1, 0.07, 0.05), (0.1, 0.16, 0.04), (0.25, 0.22, 0.08))
         crop = Material(Surface.GROUND, Label.TERRAIN, colours[int(rng.integers(4))], Texture.SOIL, 8.0)
         reach = np.array([5.0, 10.0, 16.0, 25.0, 38.0, 52.0, 70.0])
-        s = np.linspace(stretch.start_m, stretch.stop_m, 11)
-        along, outwards = np.meshgrid(s, reach, indexing="ij")
-        lift = float(rng.uniform(0.1, 0.5)) if not style.snow else 0.08
-        if not style.snow:
+        lift = float(rng.uniform(0.1, 0.5))
+        for first, last in [] if style.snow else stretch.spans:
+            s = np.linspace(first, last, max(2, int((last - first) / 5.0)))
+            along, outwards = np.meshgrid(s, reach, indexing="ij")
             stretch.grid(s, sign * (edge + side.land_m + reach), stretch.ground_m(sign, along, outwards) + lift, crop)
     if rng.random() < 0.6:
         _trees(stretch, sign, int(rng.integers(1, 4)), 4.0, 40.0)
@@ -133,7 +155,20 @@ def _field(stretch: Stretch, sign: int) -> None:
         _bushes(stretch, sign, 14, 2.0, 4.0)
     if rng.random() < 0.12:
         stretch.place(furniture.pylon(), stretch.start_m + 20, sign * (edge + float(rng.uniform(30, 80))), -0.3)
+    if rng.random() < 0.08:
+        _herd(stretch, sign)
     _tree_line(stretch, sign)
+
+
+def _herd(stretch: Stretch, sign: int) -> None:
+    """Horses, cows or deer that graze."""
+    rng = stretch.rng
+    side, edge = stretch.side(sign)
+    animal = stretch.library.animals[(AnimalKind.DEER, AnimalKind.HORSE, AnimalKind.COW)[int(rng.integers(3))]]
+    for _ in range(int(rng.integers(1, 7))):
+        s, out = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(5, 30))
+        z = float(stretch.ground_m(sign, s, out)) - 0.02
+        stretch.place(animal, s, sign * (edge + side.land_m + out), z, float(rng.uniform(0, 6.28)))
 
 
 def _halls(stretch: Stretch, sign: int) -> None:
@@ -145,28 +180,28 @@ def _halls(stretch: Stretch, sign: int) -> None:
         hall = buildings.hall(rng, length, float(rng.uniform(15, 35)), float(rng.uniform(4, 11)))
         stretch.place_facing_road(hall, sign, _along(stretch, sign, stretch.start_m, length), setback, 20.0)
     tone = stretch.style.asphalt * float(rng.uniform(0.7, 1.6))
-    lot = Material(
-        Surface.ASPHALT, Label.ROAD if rng.random() < 0.3 else Label.TERRAIN, (tone, tone, tone), Texture.ASPHALT, 6.0
-    )
+    lot = Material(Surface.ASPHALT, Label.ROAD, (tone, tone, tone), Texture.ASPHALT, 6.0)
     near, far = edge + side.land_m + 2.0, edge + setback - 1.0
-    s = np.linspace(stretch.start_m, stretch.stop_m, 11)
-    t = np.linspace(near, far, 4)
-    along, across = np.meshgrid(s, t, indexing="ij")
-    stretch.grid(s, sign * t, stretch.ground_m(sign, along, across - edge - side.land_m) + 0.05, lot)
+    for first, last in stretch.spans:
+        s = np.linspace(first, last, max(2, int((last - first) / 5.0)))
+        t = np.linspace(near, far, 4)
+        along, across = np.meshgrid(s, t, indexing="ij")
+        stretch.grid(s, sign * t, stretch.ground_m(sign, along, across - edge - side.land_m) + 0.05, lot)
     if setback - side.land_m > 12:
         for position in np.arange(stretch.start_m + 2, stretch.stop_m - 2, 2.8):
             if rng.random() < 0.6 and not stretch.crosses(float(position), float(position)):
                 out = side.land_m + 5.5
                 z = float(stretch.ground_m(sign, position, out - side.land_m)) + 0.05
-                car = stretch.library.draw_parked(rng)
+                car = stretch.library.draw_parked(rng).mesh
                 turned = float(rng.choice([-1.0, 1.0])) * np.pi / 2 + float(rng.normal(0, 0.03))
                 stretch.place(car, float(position), sign * (edge + out), z, turned)
     _trees(stretch, sign, 2, 1.0, 2.5)
     if rng.random() < 0.4:
         height = float(rng.uniform(1.2, 2.2))
-        stretch.place(
-            furniture.picket_fence(rng, STRETCH_M, height), stretch.start_m, sign * (edge + side.land_m + 0.8), 0.1
-        )
+        for first, last in stretch.spans:
+            stretch.place_along(
+                lambda chord: furniture.wire_fence(chord, height), sign, first, last, sign * (edge + side.land_m + 0.8)
+            )
 
 
 def _park(stretch: Stretch, sign: int) -> None:
@@ -178,10 +213,16 @@ def _park(stretch: Stretch, sign: int) -> None:
 
 def _noise_wall(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
-    out = 4.0
-    start = _along(stretch, sign, stretch.start_m, STRETCH_M)
-    wall = furniture.noise_wall(stretch.rng, STRETCH_M)
-    stretch.place(wall, start, sign * (edge + side.land_m + out), -0.1, 0.0 if sign > 0 else np.pi)
+    look, height = furniture.noise_wall_look(stretch.rng), float(stretch.rng.uniform(2.5, 4.5))
+    for start, stop in stretch.spans:
+        stretch.place_along(
+            lambda chord: furniture.noise_wall(chord, height, look),
+            sign,
+            start,
+            stop,
+            sign * (edge + side.land_m + 4.0),
+            lambda s: float(stretch.ground_m(sign, s, 4.0)) - 0.1,
+        )
     _trees(stretch, sign, 6, 6.0, 14.0)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radcam_depth_ros.simulation.bicycles import build_bicycle
+from radcam_depth_ros.simulation.animals import AnimalKind, build_animal
+from radcam_depth_ros.simulation.bicycles import build_bicycle, build_motorcycle
 from radcam_depth_ros.simulation.mesh import Mesh
 from radcam_depth_ros.simulation.people import Walker, build_walker
 from radcam_depth_ros.simulation.plants import Plant, PlantKind, build_plant
@@ -27,6 +28,9 @@ class Library:
         large: Vans, trucks and buses.
         cyclists: Bicycles with a rider.
         bicycles: Bicycles that are parked.
+        motorcycles: Motorcycles with a rider.
+        standing: Motorcycles that are parked.
+        animals: One of each kind.
         walkers: People on foot.
         plants: Several of each kind.
     """
@@ -35,22 +39,29 @@ class Library:
     large: tuple[Vehicle, ...]
     cyclists: tuple[Mesh, ...]
     bicycles: tuple[Mesh, ...]
+    motorcycles: tuple[Vehicle, ...]
+    standing: tuple[Vehicle, ...]
+    animals: dict[AnimalKind, Mesh]
     walkers: tuple[Walker, ...]
     plants: dict[PlantKind, tuple[Plant, ...]]
 
-    def draw_car(self, rng: np.random.Generator) -> Vehicle:
-        """A car of any colour."""
-        return repainted(self.cars[int(rng.integers(len(self.cars)))], rng)
-
-    def draw_parked(self, rng: np.random.Generator, large: float = 0.0) -> Mesh:
-        """A parked vehicle of any colour; `large` is the share of vans, trucks and buses."""
-        return with_lamps_off(self.draw_vehicle(rng, large).mesh)
-
     def draw_vehicle(self, rng: np.random.Generator, large: float) -> Vehicle:
-        """A vehicle of any colour; `large` is the share of vans, trucks and buses."""
-        if rng.random() >= large:
-            return self.draw_car(rng)
-        return repainted(self.large[int(rng.integers(len(self.large)))], rng)
+        """A vehicle in traffic, of any colour; `large` is the share of vans, trucks and buses."""
+        if rng.random() < 0.025:
+            return repainted(self.motorcycles[int(rng.integers(len(self.motorcycles)))], rng)
+        return self._draw_closed(rng, large)
+
+    def draw_parked(self, rng: np.random.Generator, large: float = 0.0) -> Vehicle:
+        """A parked vehicle of any colour; `large` is the share of vans, trucks and buses."""
+        if rng.random() < 0.02:
+            vehicle = repainted(self.standing[int(rng.integers(len(self.standing)))], rng)
+        else:
+            vehicle = self._draw_closed(rng, large)
+        return replace(vehicle, mesh=with_lamps_off(vehicle.mesh))
+
+    def _draw_closed(self, rng: np.random.Generator, large: float) -> Vehicle:
+        kinds = self.large if rng.random() < large else self.cars
+        return repainted(kinds[int(rng.integers(len(kinds)))], rng)
 
     def draw_walker(self, rng: np.random.Generator) -> Walker:
         """Somebody."""
@@ -73,8 +84,14 @@ class Library:
 
 
 def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
-    """The vehicle in another colour."""
-    return Vehicle(vehicle.mesh.recoloured(Surface.BODYWORK, paint(rng)), vehicle.length_m, vehicle.width_m)
+    """The vehicle in another colour, and as dirty as it happens to be."""
+    mesh = vehicle.mesh.recoloured(Surface.BODYWORK, paint(rng))
+    grime = float(rng.uniform(0, 0.7)) * float(rng.random() < 0.6)
+    if grime > 0:
+        height = mesh.corners[..., 2].mean(axis=1)
+        share = (grime * np.clip(1.3 - height, 0.12, 1.0))[:, None].astype(np.float32)
+        mesh = replace(mesh, colour=mesh.colour * (1 - share) + np.float32(rng.uniform(0.06, 0.2)) * share)
+    return replace(vehicle, mesh=mesh)
 
 
 def build_library(rng: np.random.Generator, style: StreetStyle) -> Library:
@@ -95,6 +112,9 @@ def build_library(rng: np.random.Generator, style: StreetStyle) -> Library:
         ),
         cyclists=tuple(build_bicycle(rng, with_rider=True) for _ in range(3)),
         bicycles=tuple(build_bicycle(rng, with_rider=False) for _ in range(2)),
+        motorcycles=tuple(build_motorcycle(rng, with_rider=True) for _ in range(2)),
+        standing=tuple(build_motorcycle(rng, with_rider=False) for _ in range(2)),
+        animals={kind: build_animal(rng, kind) for kind in AnimalKind},
         walkers=tuple(build_walker(rng) for _ in range(7)),
         plants={kind: tuple(build_plant(rng, kind, colours[kind]) for _ in range(3)) for kind in PlantKind},
     )

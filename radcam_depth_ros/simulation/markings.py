@@ -17,7 +17,8 @@ def paint_markings(stretch: Stretch, wear: float) -> None:
     white = Material(Surface.PAINT_MARK, Label.ROAD, (wear, wear, wear * 0.97), Texture.MARK, 2.5)
     centre = Material(Surface.PAINT_MARK, Label.ROAD, (wear, wear * 0.72, wear * 0.2), Texture.MARK, 2.5)
     centre = centre if style.yellow_lines else white
-    if style.kind is StreetKind.RESIDENTIAL and style.lane_m < 2.8:
+    narrow = style.lane_m < (2.8 if style.kind is StreetKind.RESIDENTIAL else 2.5)
+    if narrow or style.kind is StreetKind.CAR_PARK or style.road in (Texture.GRAVEL, Texture.COBBLES, Texture.PAVING):
         return
     width = 0.15 if style.kind is StreetKind.HIGHWAY else 0.12
     dash, gap = (6.0, 12.0) if style.kind is StreetKind.HIGHWAY else (3.0, 6.0)
@@ -63,7 +64,7 @@ def _dashes(stretch: Stretch, t: float, material: Material, width: float, dash: 
 
 def _crossing(stretch: Stretch, material: Material) -> None:
     """A zebra before the side road and a stop line before that."""
-    style, at = stretch.style, stretch.crossing_m - 7.0
+    style, at = stretch.style, stretch.crossing_m - stretch.style.crossing_half_m - 3.4
     if at - 4 < stretch.start_m or at > stretch.start_m + STRETCH_M:
         return
     if style.kind in (StreetKind.TOWN, StreetKind.ARTERIAL):

@@ -26,6 +26,7 @@ class Stream(IntEnum):
     ODOMETRY = 13
     RELIEF = 14
     CLOCKS = 15
+    DISGUISE = 16
 
 
 def generator(seed: int, stream: Stream, *indices: int) -> np.random.Generator:

@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from radcam_depth_ros.simulation.mesh import Mesh
 
-_SHORTEST_M, _LONGEST_M = 220.0, 900.0
+_SHORTEST_M, _LONGEST_M = 80.0, 900.0
+_ROUNDEST_M = 450.0
 _STEP_M = 0.5
 
 
@@ -17,16 +18,19 @@ class Relief:
     """Height of the ground at each place of the world: a few long waves, 0 at the origin."""
 
     def __init__(self, rng: np.random.Generator, max_slope: float) -> None:
-        """Draws a relief; two in five are flat, and none is steeper than `max_slope`, metres of rise a metre."""
+        """Draws a relief; three in ten are flat, and none is steeper than `max_slope`, metres of rise a metre."""
         waves = 4
-        length = np.exp(rng.uniform(np.log(_SHORTEST_M), np.log(_LONGEST_M), waves))
+        shortest = float(rng.choice([_SHORTEST_M, 220.0]))
+        length = np.exp(rng.uniform(np.log(shortest), np.log(_LONGEST_M), waves))
         direction = rng.uniform(0, 2 * np.pi, waves)
         share = rng.dirichlet(np.ones(waves))
-        steepest = max_slope * float(rng.uniform(0.2, 1.0)) * float(rng.random() < 0.6)
+        steepest = max_slope * float(rng.uniform(0.2, 1.0)) * float(rng.random() < 0.7)
         self._phase = rng.uniform(0, 2 * np.pi, waves)
         self._rate = 2 * np.pi / length[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
         # A wave of height a and length l is as steep as 2 pi a / l: the slopes of all waves add up to the steepest.
-        self._amplitude = steepest * share * length / (2 * np.pi)
+        # Crests and dips are as round as roads are built.
+        slope = np.minimum(steepest * share, length / (2 * np.pi * _ROUNDEST_M))
+        self._amplitude = slope * length / (2 * np.pi)
         self._base = float((self._amplitude * np.sin(self._phase)).sum())
         self._is_flat = steepest <= 0.0
 

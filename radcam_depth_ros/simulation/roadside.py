@@ -6,15 +6,20 @@ import numpy as np
 
 from radcam_depth_ros.simulation import furniture
 from radcam_depth_ros.simulation.configuration import StreetKind
+from radcam_depth_ros.simulation.ground import side_road_height
+from radcam_depth_ros.simulation.lots import lay_by
 from radcam_depth_ros.simulation.mesh import Mesh
 from radcam_depth_ros.simulation.street import STRETCH_M, Stretch
+from radcam_depth_ros.simulation.structures import span_bridge, wires
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
-from radcam_depth_ros.simulation.vehicles import with_lamps_off
+from radcam_depth_ros.simulation.works import heap
 
 
 def furnish(stretch: Stretch) -> None:
     """Lamps, trees, signs, rails, parked vehicles and standing people of a stretch."""
-    lay_side_road(stretch)
+    style, rng = stretch.style, stretch.rng
+    if np.isfinite(stretch.crossing_m):
+        _side_road_traffic(stretch)
     for sign in (1, -1):
         _parked(stretch, sign)
         _lamps(stretch, sign)
@@ -22,40 +27,88 @@ def furnish(stretch: Stretch) -> None:
         _signs(stretch, sign)
         _small_things(stretch, sign)
         _standing(stretch, sign)
+        _snow_bank(stretch, sign)
         side, edge = stretch.side(sign)
         if side.guard_rail:
-            at, turn = (stretch.start_m, 0.0) if sign > 0 else (stretch.stop_m, np.pi)
-            stretch.place(furniture.guard_rail(STRETCH_M), at, sign * (edge + 0.6), 0.0, turn)
-    if stretch.style.kind is StreetKind.HIGHWAY and stretch.rng.random() < 0.12:
-        span = stretch.style.right_edge_m + 2.0
-        stretch.place(furniture.gantry(stretch.rng, span), stretch.start_m + 20.0, 0.0)
+            for start, stop in stretch.spans:
+                stretch.place_along(furniture.guard_rail, sign, start, stop, sign * (edge + 0.6))
+        elif side.walk_m <= 0 and style.kind is not StreetKind.CAR_PARK and rng.random() < 0.06:
+            lay_by(stretch, sign)
+    crossed = np.isfinite(stretch.crossing_m)
+    if style.kind is StreetKind.HIGHWAY and rng.random() < 0.12:
+        span = style.right_edge_m + 2.0
+        stretch.place(furniture.gantry(rng, span), stretch.start_m + 20.0, 0.0)
+    elif not crossed and rng.random() < {StreetKind.HIGHWAY: 0.07, StreetKind.CAR_PARK: 0.0}.get(style.kind, 0.02):
+        span_bridge(stretch)
+    if style.has_wires:
+        _wires(stretch)
 
 
-def lay_side_road(stretch: Stretch) -> None:
-    """A side road over kerb and land on both sides, with somebody waiting in it."""
-    if not np.isfinite(stretch.crossing_m):
-        return
-    style, rng = stretch.style, stretch.rng
-    tone = style.asphalt * float(rng.uniform(0.8, 1.2))
-    road = Material(Surface.ASPHALT, Label.ROAD, (tone, tone, tone), Texture.ASPHALT, 6.0)
+def _side_road_traffic(stretch: Stretch) -> None:
+    """Somebody who waits in the side road, and signals."""
+    style, rng, half = stretch.style, stretch.rng, stretch.style.crossing_half_m
+    moving = style.special is StreetKind.JUNCTION and style.waiting
     for sign in (1, -1):
-        side, edge = stretch.side(sign)
-        reach = np.array([0.0, 0.5, 6.0, 20.0, 45.0, 80.0])
-        s = stretch.crossing_m + np.array([-3.6, 0.0, 3.6])
-        along, outwards = np.meshgrid(s, reach, indexing="ij")
-        z = stretch.ground_m(sign, along, outwards - side.land_m) + 0.09
-        z[:, 0] = 0.003
-        stretch.grid(s, sign * (edge + reach), z, road)
-        if rng.random() < 0.6:
-            car = stretch.library.draw_vehicle(rng, 0.15)
-            out = float(rng.uniform(3.5, 7)) + car.length_m / 2
-            lift = float(stretch.ground_m(sign, stretch.crossing_m, out - side.land_m)) + 0.09
-            stretch.place(car.mesh, stretch.crossing_m - sign * 1.8, sign * (edge + out), lift, -sign * np.pi / 2)
-    if style.kind in (StreetKind.ARTERIAL, StreetKind.TOWN) and rng.random() < 0.7:
+        _, edge = stretch.side(sign)
+        out = float(rng.uniform(2.5, 6.0))
+        while not moving and out < 60 and rng.random() < 0.6:
+            vehicle = stretch.library.draw_vehicle(rng, 0.15)
+            out += vehicle.length_m / 2
+            lift = float(side_road_height(stretch, sign, stretch.crossing_m, out))
+            place = stretch.crossing_m - sign * half * 0.5
+            stretch.place(vehicle.mesh, place, sign * (edge + out), lift, -sign * np.pi / 2)
+            out += vehicle.length_m / 2 + float(rng.uniform(1.2, 4.0))
+    lights = 1.0 if style.special is StreetKind.JUNCTION else 0.7
+    if style.kind in (StreetKind.ARTERIAL, StreetKind.TOWN) and rng.random() < lights:
         reach_m = style.right_edge_m * float(rng.choice([0.0, 0.6]))
-        signal = furniture.traffic_light(rng, reach_m)
-        stretch.place(signal, stretch.crossing_m - 9.0, -(style.right_edge_m + 0.7), 0.0, 0.0, (1.0, -1.0, 1.0))
-        stretch.place(furniture.traffic_light(rng, 0.0), stretch.crossing_m + 6.0, style.left_edge_m + 0.7, 0.0)
+        near, beyond = stretch.crossing_m - half - 5.4, stretch.crossing_m + half + 2.4
+        right, left = -(style.right_edge_m + 0.7), style.left_edge_m + 0.7
+        stretch.place(furniture.traffic_light(rng, reach_m), near, right, 0.0, 0.0, (1.0, -1.0, 1.0))
+        stretch.place(furniture.traffic_light(rng, 0.0), beyond, left, 0.0)
+        if style.special is StreetKind.JUNCTION:
+            stretch.place(furniture.traffic_light(rng, 0.0), beyond, right, 0.0, float(rng.choice([0.0, np.pi / 2])))
+            stretch.place(furniture.traffic_light(rng, 0.0), near, left, 0.0, -np.pi / 2)
+
+
+def _snow_bank(stretch: Stretch, sign: int) -> None:
+    """Ploughed snow along the edge, and heaps of it."""
+    style, rng = stretch.style, stretch.rng
+    if not style.snow or rng.random() < 0.5:
+        return
+    side, edge = stretch.side(sign)
+    tone = float(rng.uniform(0.35, 0.9))
+    look = Material(Surface.GROUND, Label.TERRAIN, (tone, tone, tone * 1.03), Texture.SNOW, float(rng.uniform(3, 8)))
+    at, lift = edge + side.parking_m + 0.1, style.kerb_m if side.walk_m > 0 else 0.0
+    high, wide = float(rng.uniform(0.1, 0.55)), float(rng.uniform(0.4, 1.2))
+    for start, stop in stretch.spans:
+        s = np.arange(start, stop + 0.9, 0.9).clip(start, stop)
+        crest = high * np.exp(0.5 * rng.standard_normal(len(s)))
+        crest[[0, -1]] *= 0.5
+        foot = np.full(len(s), min(0.0, lift) - 0.02)
+        t = sign * (at + np.array([0.0, 0.4 * wide, wide]))
+        stretch.grid(s, t, np.stack([foot, lift + crest, foot + lift], axis=1), look)
+    for _ in range(int(rng.poisson(0.4))):
+        s, size = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(0.6, 1.8))
+        if not stretch.crosses(s, s):
+            stretch.place(heap(rng, size, size * 0.6, look), s, sign * (edge + side.land_m + 0.8), lift)
+
+
+def _wires(stretch: Stretch) -> None:
+    """Wires along one side of the road, from stretch to stretch, and their masts."""
+    style = stretch.style
+    sign = 1 if style.lane_m > 3.0 else -1
+    side, edge = stretch.side(sign)
+    t, height = sign * (edge + side.land_m + 0.9), 7.5
+    tone = style.asphalt
+    mast = furniture.tube_pole(0.13, height + 0.6, (0.15 + 0.3 * tone, 0.13 + 0.3 * tone, 0.11 + 0.3 * tone))
+    for start in (stretch.start_m, stretch.start_m + STRETCH_M / 2):
+        z = float(stretch.ground_m(sign, start, 0.9)) - 0.1
+        if not stretch.crosses(start, start):
+            stretch.place(mast, start, t, z)
+        stop = start + STRETCH_M / 2
+        (x0, y0), (x1, y1) = stretch.path.position([start, stop], t)
+        line = wires(float(np.hypot(x1 - x0, y1 - y0)), height, 3, 0.5)
+        stretch.place(line, start, t, z, float(np.arctan2(y1 - y0, x1 - x0)) - float(stretch.path.heading(start)))
 
 
 def _parked(stretch: Stretch, sign: int) -> None:
@@ -65,12 +118,12 @@ def _parked(stretch: Stretch, sign: int) -> None:
         return
     s = stretch.start_m + float(rng.uniform(0, 2))
     while s < stretch.stop_m - 5.0:
-        car = stretch.library.draw_vehicle(rng, 0.10)
+        car = stretch.library.draw_parked(rng, 0.10)
         length = car.length_m + float(rng.uniform(0.6, 2.0))
         if rng.random() < side.parked and not stretch.crosses(s, s + length) and s + length < stretch.stop_m + 2:
             turned = np.pi if (sign > 0) != (rng.random() < 0.12) else 0.0
             t = sign * (edge + side.parking_m / 2 + float(rng.normal(0, 0.08)))
-            stretch.place(with_lamps_off(car.mesh), s + length / 2, t, 0.0, turned + float(rng.normal(0, 0.015)))
+            stretch.place(car.mesh, s + length / 2, t, 0.0, turned + float(rng.normal(0, 0.015)))
         s += length
 
 
@@ -157,7 +210,7 @@ def _small_things(stretch: Stretch, sign: int) -> None:
         s = spot + 0.9 * index
         if not stretch.crosses(s, s):
             stretch.place(item, s, sign * (edge + side.land_m - 0.4), lift, np.pi / 2 + float(rng.normal(0, 0.1)))
-    if rng.random() < 0.06:
+    if rng.random() < 0.06 and not stretch.crosses(spot + 3, spot + 9):
         stretch.place(
             furniture.shelter(rng), spot + 6, sign * (edge + side.parking_m + 1.2), lift, 0.0 if sign > 0 else np.pi
         )
@@ -171,4 +224,10 @@ def _standing(stretch: Stretch, sign: int) -> None:
         s = float(rng.uniform(stretch.start_m, stretch.stop_m))
         t = sign * (edge + side.parking_m + float(rng.uniform(0.4, max(side.walk_m - 0.3, 0.5))) + side.verge_m)
         pose = stretch.library.draw_walker(rng).poses[0]
-        stretch.place(pose, s, t, stretch.style.kerb_m, float(rng.uniform(0, 6.28)))
+        yaw = float(rng.uniform(0, 6.28))
+        stretch.place(pose, s, t, stretch.style.kerb_m, yaw)
+        # Some talk to each other.
+        for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.7, 0.18, 0.08, 0.04]))):
+            other = stretch.library.draw_walker(rng).poses[0]
+            aside = rng.uniform(-1.0, 1.0, 2)
+            stretch.place(other, s + float(aside[0]), t + float(aside[1]) * 0.5, stretch.style.kerb_m, yaw + np.pi)

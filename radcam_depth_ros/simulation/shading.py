@@ -11,7 +11,8 @@ from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.simulation.light import Light
 from radcam_depth_ros.simulation.scene import Hits, Scene
 from radcam_depth_ros.simulation.surfaces import Surface, surface_table
-from radcam_depth_ros.simulation.textures import TextureAtlas, fractal
+from radcam_depth_ros.simulation.textures import TextureAtlas
+from radcam_depth_ros.simulation.tiles import fractal
 
 _NOISE = 512
 _GROUND = (Surface.ASPHALT, Surface.PAVING, Surface.GROUND, Surface.PAINT_MARK)

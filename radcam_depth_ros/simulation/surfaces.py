@@ -84,6 +84,12 @@ class Texture(IntEnum):
     FACADE_5 = 22
     SHOP = 23
     GRILLE = 24
+    ASPHALT_WORN = 25
+    CONCRETE = 26
+    GRAVEL = 27
+    LITTER = 28
+    STRIPES = 29
+    BRICK = 30
 
 
 FACADES = (

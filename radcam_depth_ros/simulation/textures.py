@@ -2,36 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.surfaces import FACADES, Texture
-
-TILE = 256
-"""Pixels along a side of a tile at its finest."""
+from radcam_depth_ros.simulation.tiles import TILE, paint_tiles, random_tiles
 
 _BORDER = 2
 _LEVELS = 8
-
-
-def fractal(rng: np.random.Generator, size: int, roughness: float, coarsest: float = 1.0) -> FloatArray:
-    """Noise that tiles: (size, size) float32 of mean 0 and deviation 1.
-
-    Args:
-        rng: Random generator.
-        size: Pixels along a side.
-        roughness: Amplitude falls with frequency to this power: 0 is white noise, 2 is clouds.
-        coarsest: Waves longer than `size / coarsest` are left out.
-    """
-    spectrum = np.fft.rfft2(rng.standard_normal((size, size), dtype=np.float32))
-    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None]) * size
-    gain = np.where(frequency >= coarsest, np.maximum(frequency, 1e-6) ** -roughness, 0.0)
-    noise = np.fft.irfft2(spectrum * gain, s=(size, size))
-    return np.asarray((noise - noise.mean()) / (noise.std() + 1e-12), np.float32)
 
 
 class TextureAtlas:
@@ -41,8 +20,9 @@ class TextureAtlas:
     that the windows of a facade shine and its wall does not.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
-        tiles = _paint_tiles(rng)
+    def __init__(self, rng: np.random.Generator, is_random: bool = False) -> None:
+        """Paints the tiles; where `is_random`, with patterns that have nothing to do with what they are on."""
+        tiles = random_tiles(rng) if is_random else paint_tiles(rng)
         self._columns = 6
         rows = -(-len(tiles) // self._columns)
         pitches = [(TILE >> level) + 2 * _BORDER for level in range(_LEVELS)]
@@ -88,165 +68,3 @@ class TextureAtlas:
         ).reshape(-1, 4)[:count]
         linear = np.square(found.astype(np.float32) * np.float32(1 / 255))
         return linear[:, :3], linear[:, 3]
-
-
-def _paint_tiles(rng: np.random.Generator) -> list[FloatArray]:
-    painters: dict[Texture, Callable[[np.random.Generator], npt.NDArray[np.floating]]] = {
-        Texture.PLAIN: lambda _: _grey(np.ones((TILE, TILE))),
-        Texture.ASPHALT: _asphalt,
-        Texture.ASPHALT_PATCHED: _patched_asphalt,
-        Texture.MARK: lambda r: _grey(np.clip(0.92 + 0.16 * fractal(r, TILE, 0.9), 0.25, 1.1)),
-        Texture.PAVING: lambda r: _slabs(r, 4, 4, 0.08, 0.0),
-        Texture.COBBLES: lambda r: _slabs(r, 16, 12, 0.22, 0.5),
-        Texture.GRASS: lambda r: _mottled(r, 0.35, 0.6, (0.25, 0.05, -0.1)),
-        Texture.SOIL: lambda r: _mottled(r, 0.28, 0.8, (0.05, 0.0, -0.05)),
-        Texture.SNOW: _snow,
-        Texture.LEAF: lambda r: _mottled(r, 0.45, 0.25, (0.2, 0.0, -0.1)),
-        Texture.BARK: lambda r: _grey(1 + 0.35 * fractal(r, TILE, 0.8)),
-        Texture.CLOTH: lambda r: _grey(1 + 0.12 * fractal(r, TILE, 0.9)),
-        Texture.ROOF: _roof_tiles,
-        Texture.METAL: lambda r: _grey(1 + 0.08 * fractal(r, TILE, 1.2)),
-        Texture.PLANKS: _planks,
-        Texture.HEDGE: lambda r: _mottled(r, 0.55, 0.35, (0.2, 0.0, -0.1)),
-        Texture.SIGN: _sign,
-        Texture.SHOP: _shop,
-        Texture.GRILLE: _grille,
-        **dict.fromkeys(FACADES, _facade),
-    }
-    tiles = []
-    for texture in Texture:
-        tile = np.asarray(painters[texture](rng), np.float32)
-        if tile.shape[-1] == 3:
-            # Without a gloss channel of its own a material is as glossy as its surface.
-            tile = np.concatenate([tile, np.ones((TILE, TILE, 1), np.float32)], axis=-1)
-        tiles.append(np.clip(tile, 0.0, 1.0))
-    return tiles
-
-
-def _grey(values: npt.NDArray[np.floating]) -> FloatArray:
-    return np.repeat(np.asarray(values, np.float32)[..., None], 3, axis=-1)
-
-
-def _mottled(
-    rng: np.random.Generator, amplitude: float, roughness: float, hue: tuple[float, float, float]
-) -> npt.NDArray[np.floating]:
-    base = 0.6 * (1 + amplitude * (0.7 * fractal(rng, TILE, roughness, 4) + 0.5 * fractal(rng, TILE, 1.3)))
-    return base[..., None] * (1 + np.array(hue) * fractal(rng, TILE, 1.0)[..., None])
-
-
-def _asphalt(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    grain = rng.uniform(0.03, 0.15) * fractal(rng, TILE, 0.25, 8)
-    blotch = rng.uniform(0.03, 0.12) * fractal(rng, TILE, 1.6)
-    return _grey(0.7 * (1 + grain + blotch))
-
-
-def _patched_asphalt(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    tile = np.array(_asphalt(rng), np.float32)
-    for _ in range(int(rng.integers(1, 4))):
-        x, y = rng.integers(0, TILE - 40, 2)
-        width, height = rng.integers(16, 110, 2)
-        tile[y : y + height, x : x + width] *= rng.uniform(0.6, 1.25)
-    for _ in range(int(rng.integers(2, 7))):
-        # Cracks wander; tar that seals them is darker than the road.
-        steps = np.cumsum(rng.normal(0, 4, (40, 2)) + rng.normal(0, 3, 2), axis=0) + rng.uniform(0, TILE, 2)
-        line = steps.astype(np.int32).reshape(-1, 1, 2)
-        cv2.polylines(tile, [line], False, [float(rng.uniform(0.2, 0.4))] * 3, int(rng.integers(1, 3)))
-    return tile
-
-
-def _slabs(rng: np.random.Generator, across: int, along: int, spread: float, shift: float) -> npt.NDArray[np.floating]:
-    tile = np.empty((TILE, TILE))
-    y = np.arange(TILE)
-    row = y * along // TILE
-    x = np.arange(TILE)
-    tone = 0.72 + spread * rng.standard_normal((along, across))
-    for line in range(TILE):
-        offset = int((row[line] % 2) * shift * TILE / across)
-        position = (x + offset) % TILE
-        tile[line] = tone[row[line], position * across // TILE]
-        tile[line, (position % (TILE / across)) < 2] *= 0.6
-    tile[(y % (TILE / along)) < 2] *= 0.6
-    return _grey(tile * (1 + 0.08 * fractal(rng, TILE, 0.6)))
-
-
-def _snow(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    cover = np.clip(1.2 + 1.1 * fractal(rng, TILE, 1.4), 0, 1)[..., None]
-    ground = np.array([0.16, 0.15, 0.11]) * (1 + 0.3 * fractal(rng, TILE, 0.6)[..., None])
-    white = 0.9 + 0.05 * fractal(rng, TILE, 0.8)[..., None]
-    return np.asarray(cover * white + (1 - cover) * ground, np.float32)
-
-
-def _roof_tiles(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    y, x = np.mgrid[0:TILE, 0:TILE]
-    ribs = 0.8 + 0.12 * np.sin(x / TILE * 2 * np.pi * 24) - 0.25 * ((y % 16) < 3)
-    return _grey(ribs * (1 + 0.12 * fractal(rng, TILE, 1.0)))
-
-
-def _planks(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    board = np.repeat(rng.uniform(0.6, 1.0, 16), TILE // 16)[None] * np.ones((TILE, 1))
-    board[:, (np.arange(TILE) % 16) < 2] *= 0.35
-    return _grey(board * (1 + 0.15 * fractal(rng, TILE, 0.8)))
-
-
-def _grille(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    tile = np.full((TILE, TILE), 0.25)
-    tile[(np.arange(TILE) % 32) < 8] = 0.6
-    return _grey(tile * (1 + 0.05 * fractal(rng, TILE, 0.8)))
-
-
-def _sign(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    tile = np.ones((TILE, TILE, 3))
-    for _ in range(int(rng.integers(2, 6))):
-        x, y = rng.integers(20, 180, 2)
-        width, height = rng.integers(10, 120), rng.integers(6, 30)
-        tile[y : y + height, x : x + width] = rng.choice([0.02, 0.9]) * np.ones(3)
-    return tile
-
-
-def _facade(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    """Two bays by two floors of windows; the wall itself is white, the building colours it."""
-    tile = np.ones((TILE, TILE, 4)) * 0.8
-    tile[..., :3] *= (1 + 0.05 * fractal(rng, TILE, 0.5) + 0.07 * fractal(rng, TILE, 1.6))[..., None]
-    if rng.random() < 0.35:
-        tile[:: int(rng.integers(5, 10)), :, :3] *= 0.8
-    tile[..., 3] = 0.0
-    if rng.random() < 0.4:
-        tile[:8, :, :3] *= rng.uniform(0.6, 1.2)
-        tile[128:136, :, :3] *= rng.uniform(0.6, 1.2)
-    height, width = int(rng.integers(46, 92)), int(rng.integers(36, 112))
-    frame = rng.uniform(0.5, 1.25)
-    bars = int(rng.integers(0, 3))
-    for row in (0, 128):
-        for column in (0, 128):
-            y, x = row + (118 - height) // 2 + 6, column + (128 - width) // 2
-            tile[y - 4 : y + height + 4, x - 4 : x + width + 4, :3] *= frame
-            _window(rng, tile[y : y + height, x : x + width], bars)
-            if rng.random() < 0.15:
-                blind = int(height * rng.uniform(0.2, 0.9))
-                tile[y : y + blind, x : x + width] = [0.55, 0.53, 0.5, 0.0]
-    return tile
-
-
-def _window(rng: np.random.Generator, pane: npt.NDArray[np.floating], bars: int) -> None:
-    height, width = pane.shape[:2]
-    tone = rng.uniform(0.01, 0.14)
-    shade = np.linspace(rng.uniform(0.8, 1.6), rng.uniform(0.5, 1.0), height)[:, None, None]
-    pane[..., :3] = tone * shade * np.array([0.9, 1.0, 1.05])
-    pane[..., 3] = 1.0
-    for bar in range(1, bars + 1):
-        x = width * bar // (bars + 1)
-        pane[:, x - 2 : x + 2] = [0.6, 0.6, 0.6, 0.0]
-
-
-def _shop(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    tile = np.ones((TILE, TILE, 4)) * 0.55
-    tile[..., 3] = 0.0
-    tile[20:56, 8:248, :3] = rng.uniform(0.05, 1.0, 3)
-    for x in range(30, 220, 22):
-        if rng.random() < 0.8:
-            tile[28:48, x : x + 14, :3] = rng.choice([0.03, 0.95])
-    for x in (12, 92, 172):
-        _window(rng, tile[64:240, x : x + 72], 1)
-        if rng.random() < 0.5:
-            tile[120:236, x + 8 : x + 60, :3] += rng.uniform(0, 0.25, 3)
-    return tile

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from radcam_depth_ros.simulation.configuration import WorldConfig
+from radcam_depth_ros.simulation.configuration import StreetKind, WorldConfig
+from radcam_depth_ros.simulation.disguise import Disguise
 from radcam_depth_ros.simulation.ego import EgoDrive
+from radcam_depth_ros.simulation.ground import lay_ground
 from radcam_depth_ros.simulation.land import settle
 from radcam_depth_ros.simulation.library import build_library
 from radcam_depth_ros.simulation.light import draw_light
@@ -16,11 +18,13 @@ from radcam_depth_ros.simulation.randomness import Stream, generator
 from radcam_depth_ros.simulation.relief import Relief
 from radcam_depth_ros.simulation.roadside import furnish
 from radcam_depth_ros.simulation.scene import Scene
-from radcam_depth_ros.simulation.street import STRETCH_M, Stretch, finished, lay_ground
+from radcam_depth_ros.simulation.street import STRETCH_M, Stretch, finished
+from radcam_depth_ros.simulation.structures import dig_tunnel
 from radcam_depth_ros.simulation.style import Land, draw_style
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.textures import TextureAtlas
 from radcam_depth_ros.simulation.traffic import Traffic
+from radcam_depth_ros.simulation.works import set_up_works
 
 _BEHIND_STRETCHES = 2
 _MOVE_STRETCHES = 2
@@ -41,10 +45,14 @@ class World:
         rng = generator(seed, Stream.STYLE)
         self.style = draw_style(rng, config)
         self.light = draw_light(rng, config.weather)
-        self._wear = float(rng.uniform(0.3, 0.85))
+        self._wear = float(rng.uniform(0.2, 0.85))
+        self._first_junction = int(rng.integers(2))
         reach_m = self.style.speed_mps * duration_s * 2 + config.view_m + 500
-        self.path = Path(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m)
-        self.atlas = TextureAtlas(generator(seed, Stream.TEXTURES))
+        self.path = Path(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m, config.max_slope)
+        disguise = generator(seed, Stream.DISGUISE)
+        is_random = bool(disguise.random() < config.random_textures)
+        self._disguise = Disguise(disguise) if is_random else None
+        self.atlas = TextureAtlas(generator(seed, Stream.TEXTURES), is_random)
         self._library = build_library(generator(seed, Stream.PROTOTYPES), self.style)
         self.relief = Relief(generator(seed, Stream.RELIEF), config.max_slope)
         self.ego = EgoDrive(generator(seed, Stream.EGO), self.style, self.path, self.relief)
@@ -57,6 +65,7 @@ class World:
             self._library,
             self.ego,
             duration_s,
+            [at for at in map(self._crossing_m, range(-1, int(reach_m / STRETCH_M))) if np.isfinite(at)],
         )
         self._stretches: dict[int, Mesh] = {}
         self._window: tuple[int, Scene] | None = None
@@ -69,7 +78,8 @@ class World:
         if self._window is None or self._window[0] != first:
             self._window = (first, Scene(self._surroundings(first)))
         scene = self._window[1]
-        scene.set_movers(list(self._traffic.at(time)))
+        movers = self._traffic.at(time)
+        scene.set_movers([(self._dressed(mesh), velocity) for mesh, velocity in movers])
         return scene
 
     def _surroundings(self, first: int) -> Mesh:
@@ -80,20 +90,54 @@ class World:
             if index not in self._stretches:
                 self._stretches[index] = self._build_stretch(index)
         middle = (first + count / 2) * STRETCH_M
-        return join([*(self._stretches[index] for index in wanted), self._horizon(middle)])
+        return join([*(self._stretches[index] for index in wanted), self._dressed(self._horizon(middle))])
+
+    def _dressed(self, mesh: Mesh) -> Mesh:
+        return mesh if self._disguise is None else self._disguise.worn_by(mesh)
 
     def _build_stretch(self, index: int) -> Mesh:
         # Negative numbers are no seeds.
         rng = generator(self._seed, Stream.CHUNK, index + 1_000_000)
-        stretch = Stretch(index * STRETCH_M, self.path, self.style, self._library, rng, self._config.people)
-        if rng.random() < self.style.crossings:
-            stretch.crossing_m = stretch.start_m + STRETCH_M * 0.6
+        stretch = Stretch(
+            index * STRETCH_M,
+            self.path,
+            self.style,
+            self._library,
+            rng,
+            self._config.people,
+            crossing_m=self._crossing_m(index),
+            land={sign: self._land(index, sign) for sign in (1, -1)},
+            is_covered=self._is_covered(index),
+        )
         lay_ground(stretch)
         paint_markings(stretch, self._wear)
-        furnish(stretch)
-        for sign in (1, -1):
-            settle(stretch, sign, self._land(index, sign))
-        return self.relief.lifted(finished(stretch))
+        if stretch.is_covered:
+            dig_tunnel(stretch, not self._is_covered(index - 1), not self._is_covered(index + 1))
+        else:
+            furnish(stretch)
+            if self.style.special is StreetKind.CONSTRUCTION and rng.random() < 0.8:
+                set_up_works(stretch)
+            for sign in (1, -1):
+                settle(stretch, sign, stretch.land[sign])
+        return self._dressed(self.relief.lifted(finished(stretch)))
+
+    def _crossing_m(self, index: int) -> float:
+        """Where in a stretch a side road crosses, NaN where none does."""
+        if self._is_covered(index):
+            return float("nan")
+        if self.style.special is StreetKind.JUNCTION:
+            here = (index - self._first_junction) % 3 == 0
+        else:
+            own = generator(self._seed, Stream.CHUNK, index + 1_000_000, 9)
+            here = bool(own.random() < self.style.crossings)
+        return (index + 0.6) * STRETCH_M if here else float("nan")
+
+    def _is_covered(self, index: int) -> bool:
+        """Whether a stretch is in a tunnel: the first that is seen may be, later ones come in groups of five."""
+        if self.style.special is not StreetKind.TUNNEL:
+            return False
+        group = generator(self._seed, Stream.CHUNK, (index + 1_000_000 + self._first_junction) // 5, 10)
+        return bool(group.random() < 0.65)
 
     def _land(self, index: int, sign: int) -> Land:
         # Land goes on over several stretches: each group of three draws once, some stretches differ.
@@ -114,9 +158,10 @@ class World:
             40.0,
         )
         # Fine enough to follow the relief where it can be seen, a little below it so that it never comes through.
+        fall = max(0.0, -self.style.left.bank_m, -self.style.right.bank_m) * 1.6 + 0.7
         place = np.concatenate([[-4000.0, -1500.0], np.linspace(-750, 750, 31), [1500.0, 4000.0]])
         east, north = np.meshgrid(x + place, y + place, indexing="ij")
-        floor = sheet(np.stack([east, north, self.relief.height(east, north) - 0.7], axis=-1), plain)
+        floor = sheet(np.stack([east, north, self.relief.height(east, north) - fall], axis=-1), plain)
         angle = np.linspace(0, 2 * np.pi, 181)
         radius = float(rng.uniform(700, 2500))
         height = radius * float(rng.uniform(0.005, 0.05))

@@ -15,7 +15,8 @@ from radcam_depth_ros.simulation.relief import Relief
 from radcam_depth_ros.simulation.rig import CAMERA, draw_rig
 from radcam_depth_ros.simulation.style import draw_style
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface, Texture
-from radcam_depth_ros.simulation.textures import TextureAtlas, fractal
+from radcam_depth_ros.simulation.textures import TextureAtlas
+from radcam_depth_ros.simulation.tiles import fractal
 from radcam_depth_ros.simulation.vehicle_parts import VehicleKind
 from radcam_depth_ros.simulation.vehicles import build_vehicle, with_lamps_off
 from radcam_depth_ros.simulation.world import World
