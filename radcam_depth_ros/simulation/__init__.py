@@ -14,10 +14,14 @@ from radcam_depth_ros.simulation.configuration import (
     WorldConfig,
 )
 from radcam_depth_ros.simulation.recording import simulate
+from radcam_depth_ros.simulation.surfaces import GROUPS, Group, Label
 
 __all__ = [
+    "GROUPS",
     "CameraConfig",
+    "Group",
     "ImagingRadarConfig",
+    "Label",
     "LidarConfig",
     "OdometryConfig",
     "RadarConfig",

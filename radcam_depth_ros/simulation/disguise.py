@@ -1,4 +1,4 @@
-"""Colours without regard to what they are on, so that a network cannot learn depth from what things usually look like."""
+"""Colours without regard to what they are on: depth cannot be learned from what things usually look like."""
 
 from __future__ import annotations
 

@@ -215,12 +215,12 @@ def _repairs(stretch: Stretch, tone: float) -> None:
     for _ in range(int(rng.poisson(1.0))):
         # Cracks across the road, sealed with tar.
         s = float(rng.uniform(stretch.start_m, stretch.stop_m - 4))
-        t = np.linspace(low, high, 12)
+        across = np.linspace(low, high, 12)
         wander = s + np.clip(np.cumsum(rng.normal(0, 0.25, 12)), -3, 3)
         width = float(rng.uniform(0.03, 0.12))
         along = np.stack([wander, wander + width])
         points = np.concatenate(
-            [stretch.path.position(along, t), (0.0036 + stretch.path.camber(along, t))[..., None]], axis=-1
+            [stretch.path.position(along, across), (0.0036 + stretch.path.camber(along, across))[..., None]], axis=-1
         )
         stretch.parts.append(sheet(points, tar))
     iron = Material(Surface.METAL, Label.ROAD, _grey(tone * float(rng.uniform(0.4, 0.9)), rng), Texture.METAL)

@@ -114,7 +114,7 @@ def _close(stretch: Stretch, sign: int, out: float) -> None:
 
 def lay_driveways(stretch: Stretch, sign: int) -> None:
     """Paved ways from the road to the houses, some with a car on them."""
-    style, rng = stretch.style, stretch.rng
+    rng = stretch.rng
     side, edge = stretch.side(sign)
     for _ in range(int(rng.poisson(1.3))):
         s, wide = float(rng.uniform(stretch.start_m + 2, stretch.stop_m - 5)), float(rng.uniform(2.6, 5.5))

@@ -17,8 +17,8 @@ _BANKED_M, _LEVEL_M = 12.0, 60.0
 class Path:
     """A gently winding line that starts at the world's origin along x.
 
-    Positions are given as `s`, metres along the line, and `t`, metres to its left. The road is tilted sideways about the
-    line, in curves above all; the land beside it takes that up.
+    Positions are given as `s`, metres along the line, and `t`, metres to its left. The road is tilted sideways about
+    the line, in curves above all; the land beside it takes that up.
     """
 
     def __init__(

@@ -88,9 +88,9 @@ def _snow_bank(stretch: Stretch, sign: int) -> None:
         t = sign * (at + np.array([0.0, 0.4 * wide, wide]))
         stretch.grid(s, t, np.stack([foot, lift + crest, foot + lift], axis=1), look)
     for _ in range(int(rng.poisson(0.4))):
-        s, size = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(0.6, 1.8))
-        if not stretch.crosses(s, s):
-            stretch.place(heap(rng, size, size * 0.6, look), s, sign * (edge + side.land_m + 0.8), lift)
+        place, size = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(0.6, 1.8))
+        if not stretch.crosses(place, place):
+            stretch.place(heap(rng, size, size * 0.6, look), place, sign * (edge + side.land_m + 0.8), lift)
 
 
 def _wires(stretch: Stretch) -> None:

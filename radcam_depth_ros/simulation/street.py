@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -127,7 +128,7 @@ class Stretch:
         """
         count = max(1, round((stop - start) / _PIECE_M))
         places = np.linspace(start, stop, count + 1)
-        for low, high in zip(places[:-1], places[1:], strict=True):
+        for low, high in pairwise(places.tolist()):
             first, last = (low, high) if sign > 0 else (high, low)
             (x0, y0), (x1, y1) = self.path.position([first, last], t)
             z0, z1 = (float(z(float(s))) if callable(z) else z for s in (first, last))

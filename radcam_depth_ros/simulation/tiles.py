@@ -114,8 +114,7 @@ def _worn_asphalt(rng: np.random.Generator) -> npt.NDArray[np.floating]:
 def _concrete(rng: np.random.Generator) -> npt.NDArray[np.floating]:
     """Plates with joints, streaks of weather."""
     tile = 0.75 * (1 + 0.05 * fractal(rng, TILE, 0.4) + 0.1 * fractal(rng, TILE, 1.5))
-    streaks = 0.08 * fractal(rng, TILE, 1.0)[:1]
-    tile *= 1 + streaks
+    tile *= 1 + 0.03 * fractal(rng, TILE, 1.0)[:1]
     joint = int(rng.integers(2, 4))
     tile[:joint] *= rng.uniform(0.25, 0.7)
     if rng.random() < 0.6:
@@ -144,9 +143,8 @@ def _stripes(rng: np.random.Generator) -> npt.NDArray[np.floating]:
     """Slanting stripes, white and the colour of the material."""
     y, x = np.mgrid[0:TILE, 0:TILE]
     white = ((x + y) // (TILE // 4)) % 2 == 0
-    return np.where(white[..., None], 1.0, np.array([0.9, 0.3, 0.3])) * (
-        0.9 + 0.05 * fractal(rng, TILE, 0.8)[..., None]
-    )
+    colour: FloatArray = np.where(white[..., None], 1.0, np.array([0.9, 0.3, 0.3])).astype(np.float32)
+    return colour * (0.9 + 0.05 * fractal(rng, TILE, 0.8)[..., None])
 
 
 def random_tiles(rng: np.random.Generator) -> list[FloatArray]:
@@ -176,12 +174,12 @@ def _pattern(rng: np.random.Generator) -> npt.NDArray[np.floating]:
     a, b = (int(v) for v in rng.integers(0, 12, 2))
     wave = np.sin(a * x + b * y + float(rng.uniform(0, 6)))
     if kind == 2:
-        return np.clip(0.5 + wave * float(rng.uniform(0.5, 5)), 0, 1)
+        return np.asarray(np.clip(0.5 + wave * float(rng.uniform(0.5, 5)), 0, 1))
     c, d = (int(v) for v in rng.integers(1, 12, 2))
     checks = np.sin(c * x) * np.sin(d * y)
     if kind == 3:
         return np.asarray(checks > 0, np.float64)
-    return np.clip(0.5 + checks + 0.3 * fractal(rng, TILE, 1.0), 0, 1)
+    return np.asarray(np.clip(0.5 + checks + 0.3 * fractal(rng, TILE, 1.0), 0, 1))
 
 
 def _slabs(rng: np.random.Generator, across: int, along: int, spread: float, shift: float) -> npt.NDArray[np.floating]:
