@@ -1,7 +1,7 @@
 """Writes a contact sheet of simulated drives.
 
-Run it from the repository's root: `.venv/bin/python scripts/simulation_sheet.py docs/images/simulation.jpg`. Each tile is
-the first image of a seed beside its exact depth, red near and blue far. `--set world.street=tunnel` changes the
+Run it from the repository's root: `.venv/bin/python scripts/simulation_sheet.py docs/images/simulation.jpg`. Each tile
+is the first image of a seed beside its exact depth, red near and blue far. `--set world.street=tunnel` changes the
 configuration, `--seeds 1-20` the seeds.
 """
 

@@ -82,7 +82,8 @@ def _snow_bank(stretch: Stretch, sign: int) -> None:
     high, wide = float(rng.uniform(0.1, 0.55)), float(rng.uniform(0.4, 1.2))
     for start, stop in stretch.spans:
         s = np.arange(start, stop + 0.9, 0.9).clip(start, stop)
-        crest = high * np.exp(0.5 * rng.standard_normal(len(s)))
+        lumps = np.convolve(rng.standard_normal(len(s) + 2), [0.4, 0.5, 0.4], mode="valid")
+        crest = high * np.exp(0.5 * lumps)
         crest[[0, -1]] *= 0.5
         foot = np.full(len(s), min(0.0, lift) - 0.02)
         t = sign * (at + np.array([0.0, 0.4 * wide, wide]))

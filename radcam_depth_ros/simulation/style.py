@@ -235,7 +235,7 @@ def draw_style(rng: np.random.Generator, config: WorldConfig) -> StreetStyle:
         kerb_m=float(rng.uniform(0.04, 0.16)),
         speed_mps=0.0 if waiting else speed * config.speed,
         min_radius_m={StreetKind.HIGHWAY: 450.0, StreetKind.RURAL: 110.0, StreetKind.ARTERIAL: 160.0}.get(kind, 110.0),
-        headway_m=float(np.exp(rng.uniform(np.log(14), np.log(80))))
+        headway_m=float(np.exp(rng.uniform(np.log(14), np.log(220))))
         * (1.5 if kind is StreetKind.HIGHWAY else 1.0)
         * (0.12 if jam or waiting else 1.0),
         waiting=waiting,

@@ -101,7 +101,7 @@ def heap(rng: np.random.Generator, radius: float, height: float, material: Mater
     wobble = rng.uniform(0.75, 1.2, 12)
     wobble = np.append(wobble, wobble[0])
     distance = radius * (1 - share)[:, None] * wobble
-    z = height * (share**1.3)[:, None] * np.ones(13) - 0.05
+    z = height * (1 - (1 - share) ** 2)[:, None] * np.ones(13) - 0.05
     points = np.stack([distance * np.cos(angle), distance * np.sin(angle), z], axis=-1)
     return sheet(points, material)
 
