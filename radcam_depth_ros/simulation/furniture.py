@@ -183,7 +183,7 @@ def panel_fence(rng: np.random.Generator, length: float, height: float) -> Mesh:
 def garden_wall(rng: np.random.Generator, length: float, height: float) -> Mesh:
     """A low wall along x."""
     tone = float(rng.uniform(0.2, 0.7))
-    texture = Texture.COBBLES if rng.random() < 0.5 else Texture.PAVING
+    texture = (Texture.COBBLES, Texture.PAVING, Texture.BRICK, Texture.CONCRETE)[int(rng.integers(4))]
     stone = Material(Surface.PAVING, Label.WALL, (tone, tone * 0.95, tone * 0.88), texture, 2.0)
     return box([length, 0.3, height], [length / 2, 0, height / 2], stone)
 

@@ -81,6 +81,10 @@ class Path:
         """A mesh in world coordinates, placed on a level road at (s, t), tilted as the road is there."""
         if self._is_level:
             return mesh
+        if abs(t) > _BANKED_M:
+            # Beside the road the land hardly tilts: things stand upright on it.
+            lift = np.array([0.0, 0.0, float(self.camber(s, t))], np.float32)
+            return replace(mesh, corners=mesh.corners + lift)
         heading = float(self.heading(s))
         offset = mesh.corners[..., :2] - self.position(s, t)
         across = t + offset[..., 1] * np.cos(heading) - offset[..., 0] * np.sin(heading)

@@ -39,9 +39,9 @@ def span_bridge(stretch: Stretch) -> None:
     for sign, start in ((1, left), (-1, right)):
         reach_m = np.array([1.5, 6.0 + clear, 90.0])
         top = np.array([-0.5, clear + deep - 0.3, clear + deep - 0.3])
-        x = np.array([-wide / 2 - 9.0, -wide / 2 - 0.3, wide / 2 + 0.3, wide / 2 + 9.0])
+        rows = np.array([-wide / 2 - 9.0, -wide / 2 - 0.3, wide / 2 + 0.3, wide / 2 + 9.0])
         rise = np.array([0.0, 1.0, 1.0, 0.0])
-        along, across = np.meshgrid(x, sign * (start + reach_m), indexing="ij")
+        along, across = np.meshgrid(rows, sign * (start + reach_m), indexing="ij")
         z = rise[:, None] * (top + 0.5) - 0.5
         parts.append(sheet(np.stack([along, across, z], axis=-1), grass))
     stretch.place(join(parts), stretch.start_m + STRETCH_M * 0.5, 0.0, 0.0, float(rng.normal(0, 0.15)))

@@ -47,11 +47,6 @@ def barrier(length: float) -> Mesh:
     return join([*feet, *rails, *posts])
 
 
-def jersey(length: float) -> Mesh:
-    """A mobile concrete or plastic wall along x."""
-    return furniture.concrete_barrier(length)
-
-
 def container(rng: np.random.Generator) -> Mesh:
     """A steel container, a skip or a site office, along x."""
     colour = tuple(rng.uniform(0.03, 0.5, 3))
@@ -116,7 +111,7 @@ def set_up_works(stretch: Stretch) -> None:
         line = style.left_edge_m + 0.4
     _guide(stretch, line)
     if rng.random() < 0.35:
-        _guide(stretch, -line if sign < 0 and not closed else line * 1.0 + sign * 0.8)
+        _guide(stretch, line + sign * 0.8)
     side, edge = stretch.side(sign)
     inner, outer = abs(line) + 0.6, edge + side.land_m + float(rng.uniform(3, 9))
     if rng.random() < 0.6:
@@ -155,7 +150,7 @@ def _guide(stretch: Stretch, line: float) -> None:
     kind = int(rng.integers(4))
     if kind == 3:
         for start, stop in stretch.spans:
-            stretch.place_along(jersey if rng.random() < 0.5 else barrier, 1, start, stop, line)
+            stretch.place_along(furniture.concrete_barrier if rng.random() < 0.5 else barrier, 1, start, stop, line)
         return
     item = (cone(), beacon(), barrier(2.0))[kind]
     for s in np.arange(stretch.start_m, stretch.start_m + STRETCH_M, float(rng.uniform(3.0, 9.0))):
