@@ -2,23 +2,22 @@
 
 from radcam_depth_ros.simulation.configuration import (
     CameraConfig,
-    ImagingRadarConfig,
-    LidarConfig,
     OdometryConfig,
-    RadarConfig,
     Season,
     SimulationConfig,
-    SimulationError,
     StreetKind,
     Weather,
     WorldConfig,
 )
+from radcam_depth_ros.simulation.errors import SimulationError
 from radcam_depth_ros.simulation.recording import simulate
+from radcam_depth_ros.simulation.sensor_configuration import ImagingRadarConfig, LidarConfig, LidarUnit, RadarConfig
 
 __all__ = [
     "CameraConfig",
     "ImagingRadarConfig",
     "LidarConfig",
+    "LidarUnit",
     "OdometryConfig",
     "RadarConfig",
     "Season",
