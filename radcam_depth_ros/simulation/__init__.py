@@ -2,18 +2,16 @@
 
 from radcam_depth_ros.simulation.configuration import (
     CameraConfig,
-    ImagingRadarConfig,
-    LidarConfig,
     OdometryConfig,
-    RadarConfig,
     Season,
     SimulationConfig,
-    SimulationError,
     StreetKind,
     Weather,
     WorldConfig,
 )
+from radcam_depth_ros.simulation.errors import SimulationError
 from radcam_depth_ros.simulation.recording import simulate
+from radcam_depth_ros.simulation.sensor_configuration import ImagingRadarConfig, LidarConfig, LidarUnit, RadarConfig
 from radcam_depth_ros.simulation.surfaces import GROUPS, Group, Label
 
 __all__ = [
@@ -23,6 +21,7 @@ __all__ = [
     "ImagingRadarConfig",
     "Label",
     "LidarConfig",
+    "LidarUnit",
     "OdometryConfig",
     "RadarConfig",
     "Season",

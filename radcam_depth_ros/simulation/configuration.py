@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
-from radcam_depth_ros.frame import RadcamDepthError
-
-
-class SimulationError(RadcamDepthError):
-    """A simulation that cannot be run as configured."""
+from radcam_depth_ros.simulation.errors import require as _require
+from radcam_depth_ros.simulation.sensor_configuration import ImagingRadarConfig, LidarConfig, RadarConfig
 
 
 class StreetKind(str, Enum):
@@ -44,11 +41,6 @@ class Season(str, Enum):
     AUTUMN = "autumn"
     WINTER = "winter"
     SNOW = "snow"
-
-
-def _require(ok: bool, message: str) -> None:
-    if not ok:
-        raise SimulationError(message)
 
 
 @dataclass(frozen=True)
@@ -143,116 +135,6 @@ class CameraConfig:
             )
         _require(0 <= self.max_pitch_deg <= 20, f"camera.max_pitch_deg must be 0 to 20, got {self.max_pitch_deg}")
         _require(0 <= self.edge_samples <= 8, f"camera.edge_samples must be 0 to 8, got {self.edge_samples}")
-
-
-@dataclass(frozen=True)
-class RadarConfig:
-    """An automotive radar like the ARS408: azimuth and range, no elevation.
-
-    Attributes:
-        enabled: Write `/radar/points`.
-        rate_hz: Sweeps a second.
-        max_points: The strongest returns are kept.
-        max_range_m: Metres.
-        field_of_view_deg: Width of the sector in degrees.
-        range_noise_m: Standard deviation, metres.
-        azimuth_noise_deg: Standard deviation straight ahead, degrees; grows to the sides.
-        speed_noise_mps: Standard deviation of the radial speed, m/s.
-        missed: Share of the returns that are lost at random.
-        clutter: Returns from nothing, on average a sweep.
-        ghosts: Share of strong returns that are seen a second time by way of a mirror.
-    """
-
-    enabled: bool = True
-    rate_hz: float = 13.0
-    max_points: int = 125
-    max_range_m: float = 200.0
-    field_of_view_deg: float = 120.0
-    range_noise_m: float = 0.3
-    azimuth_noise_deg: float = 0.5
-    speed_noise_mps: float = 0.1
-    missed: float = 0.15
-    clutter: float = 3.0
-    ghosts: float = 0.04
-
-    def __post_init__(self) -> None:
-        _check_radar("radar", self.rate_hz, self.max_points, self.max_range_m, self.missed, self.ghosts)
-
-
-@dataclass(frozen=True)
-class ImagingRadarConfig:
-    """A 4D radar: it measures elevation too, and many more points.
-
-    Attributes:
-        enabled: Write `/radar_4d/points`.
-        rate_hz: Sweeps a second.
-        max_points: The strongest returns are kept.
-        max_range_m: Metres.
-        field_of_view_deg: Width of the sector in degrees.
-        range_noise_m: Standard deviation, metres.
-        azimuth_noise_deg: Standard deviation, degrees.
-        elevation_noise_deg: Standard deviation, degrees.
-        speed_noise_mps: Standard deviation of the radial speed, m/s.
-        missed: Share of the returns that are lost at random.
-        clutter: Returns from nothing, on average a sweep.
-        ghosts: Share of strong returns that are seen a second time by way of a mirror.
-    """
-
-    enabled: bool = True
-    rate_hz: float = 15.0
-    max_points: int = 2000
-    max_range_m: float = 150.0
-    field_of_view_deg: float = 110.0
-    range_noise_m: float = 0.12
-    azimuth_noise_deg: float = 0.3
-    elevation_noise_deg: float = 0.6
-    speed_noise_mps: float = 0.06
-    missed: float = 0.1
-    clutter: float = 15.0
-    ghosts: float = 0.03
-
-    def __post_init__(self) -> None:
-        _check_radar("imaging_radar", self.rate_hz, self.max_points, self.max_range_m, self.missed, self.ghosts)
-
-
-def _check_radar(name: str, rate_hz: float, max_points: int, max_range_m: float, missed: float, ghosts: float) -> None:
-    _require(rate_hz > 0, f"{name}.rate_hz must be positive, got {rate_hz}")
-    _require(1 <= max_points <= 20000, f"{name}.max_points must be 1 to 20000, got {max_points}")
-    _require(10 <= max_range_m <= 500, f"{name}.max_range_m must be 10 to 500, got {max_range_m}")
-    _require(
-        0 <= missed <= 1 and 0 <= ghosts <= 1, f"{name}.missed and {name}.ghosts are shares, got {missed} and {ghosts}"
-    )
-
-
-@dataclass(frozen=True)
-class LidarConfig:
-    """A spinning LiDAR with 32 beams.
-
-    Attributes:
-        enabled: Write `/lidar/points`.
-        rate_hz: Turns a second; each turn is taken at one time.
-        beams: Number of beams.
-        columns: Directions in a turn.
-        max_range_m: Metres.
-        range_noise_m: Standard deviation, metres.
-        missed: Share of the returns that are lost at random.
-    """
-
-    enabled: bool = True
-    rate_hz: float = 10.0
-    beams: int = 32
-    columns: int = 1000
-    max_range_m: float = 100.0
-    range_noise_m: float = 0.02
-    missed: float = 0.03
-
-    def __post_init__(self) -> None:
-        _require(self.rate_hz > 0, f"lidar.rate_hz must be positive, got {self.rate_hz}")
-        _require(
-            1 <= self.beams <= 256 and 16 <= self.columns <= 8192,
-            f"lidar.beams must be 1 to 256 and lidar.columns 16 to 8192, got {self.beams} and {self.columns}",
-        )
-        _require(0 <= self.missed <= 1, f"lidar.missed is a share, got {self.missed}")
 
 
 @dataclass(frozen=True)

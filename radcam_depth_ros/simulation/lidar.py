@@ -5,51 +5,75 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import RigidTransform
-from radcam_depth_ros.simulation.configuration import LidarConfig
+from radcam_depth_ros.simulation.lidar_unit import Beams
 from radcam_depth_ros.simulation.scene import Scene
+from radcam_depth_ros.simulation.sensor_configuration import LidarConfig
 from radcam_depth_ros.simulation.surfaces import Surface, surface_table
 
-_LOWEST_DEG, _HIGHEST_DEG = -25.0, 15.0
-_WEAKEST = 0.012
+_NEAREST_M = 0.5
+_PAINTED = (Surface.BODYWORK, Surface.MASONRY, Surface.CLOTH, Surface.CANVAS, Surface.ASPHALT)
+_SOAKED = (Surface.ASPHALT, Surface.PAINT_MARK, Surface.PAVING, Surface.GROUND)
 
 
 def sweep_lidar(
-    scene: Scene, world_from_lidar: RigidTransform, config: LidarConfig, rng: np.random.Generator
+    scene: Scene,
+    world_from_lidar: RigidTransform,
+    config: LidarConfig,
+    beams: Beams,
+    wetness: float,
+    rng: np.random.Generator,
 ) -> dict[str, npt.NDArray[np.generic]]:
     """One turn: x y z in metres in the sensor's frame and intensity 0 to 255, all float32.
 
-    Glass sends little back, dark things far away nothing.
+    Glass sends little back, dark things far away nothing, a wet road little of what meets it at a grazing angle.
+
+    Args:
+        scene: The world at the turn's time.
+        world_from_lidar: Pose of the sensor.
+        config: Its noise and how many directions it measures.
+        beams: Its beams and how weak an echo it sees.
+        wetness: Of the ground, 0 dry to 1 wet.
+        rng: Random generator.
     """
-    # Beams lie denser around the horizon, as in the sensors that are sold.
-    share = np.linspace(-1, 1, config.beams)
-    middle, reach = (_LOWEST_DEG + _HIGHEST_DEG) / 2, (_HIGHEST_DEG - _LOWEST_DEG) / 2
-    beams = np.deg2rad(middle + reach * (0.45 * share + 0.55 * share**3) + 2.0 * (1 - share**2))
-    turn = np.linspace(-np.pi, np.pi, config.columns, endpoint=False) + rng.uniform(0, 2 * np.pi / config.columns)
-    elevation, azimuth = (grid.ravel() for grid in np.meshgrid(beams, turn))
-    local = np.stack(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=1
-    )
-    directions = np.ascontiguousarray(local @ world_from_lidar.rotation.T, np.float32)
+    local = _directions(beams, config.columns, float(rng.uniform(0, 2 * np.pi / config.columns)))
+    directions = local @ world_from_lidar.rotation.T.astype(np.float32)
     origin = world_from_lidar.translation.astype(np.float32)
-    hits = scene.cast(np.tile(origin, (len(directions), 1)), directions)
-    met = np.flatnonzero((hits.face >= 0) & (hits.distance_m < config.max_range_m) & (hits.distance_m > 0.5))
+    hits = scene.cast(np.broadcast_to(origin, directions.shape).copy(), directions)
+    met = np.flatnonzero((hits.face >= 0) & (hits.distance_m < beams.max_range_m) & (hits.distance_m > _NEAREST_M))
     face, range_m = hits.face[met], hits.distance_m[met]
-    normal = scene.faces.normals[face].mean(axis=1)
-    cosine = np.abs(np.einsum("ni,ni->n", normal, directions[met])) / (np.linalg.norm(normal, axis=1) + 1e-9)
-    surface = scene.faces.surface[face]
-    brightness = scene.faces.colour[face].mean(axis=1)
-    painted = np.isin(surface, (Surface.BODYWORK, Surface.MASONRY, Surface.CLOTH, Surface.CANVAS, Surface.ASPHALT))
-    reflectivity = surface_table().lidar[surface] * np.where(painted, 0.35 + brightness, 1.0)
-    returned = reflectivity * np.sqrt(cosine)
-    weakest = _WEAKEST * np.square(range_m / 50) * np.exp(rng.normal(0, 0.3, len(met)))
-    kept = np.flatnonzero((returned > weakest) & (rng.random(len(met)) >= config.missed))
-    noisy = range_m[kept] + config.range_noise_m * rng.standard_normal(len(kept))
-    points = local[met[kept]] * noisy[:, None]
-    intensity = np.clip(255 * returned[kept] * np.exp(rng.normal(0, 0.1, len(kept))), 0, 255)
+    cosine = np.abs(np.einsum("ni,ni->n", scene.faces.normals[face, 0], directions[met]))
+    returned = _reflectivity(scene, face, wetness, cosine) * np.sqrt(cosine)
+    needed = beams.weakest * np.square(range_m / 50) * np.exp(0.3 * rng.standard_normal(len(met), dtype=np.float32))
+    kept = np.flatnonzero((returned > needed) & (rng.random(len(met), dtype=np.float32) >= config.missed))
+    noise = config.range_noise_m * rng.standard_normal(len(kept), dtype=np.float32)
+    points = local[met[kept]] * (range_m[kept] + noise)[:, None]
+    intensity = 255 * returned[kept] * np.exp(0.1 * rng.standard_normal(len(kept), dtype=np.float32))
     return {
         "x": points[:, 0].astype(np.float32),
         "y": points[:, 1].astype(np.float32),
         "z": points[:, 2].astype(np.float32),
-        "intensity": intensity.astype(np.float32),
+        "intensity": np.clip(intensity, 0, 255).astype(np.float32),
     }
+
+
+def _directions(beams: Beams, columns: int, phase: float) -> FloatArray:
+    elevation = np.deg2rad(beams.elevations_deg)[:, None]
+    azimuth = (np.linspace(-np.pi, np.pi, columns, endpoint=False) + phase)[None]
+    parts = np.broadcast_arrays(
+        np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
+    )
+    return np.stack([part.ravel() for part in parts], axis=1).astype(np.float32)
+
+
+def _reflectivity(scene: Scene, face: npt.NDArray[np.int32], wetness: float, cosine: FloatArray) -> FloatArray:
+    surface = scene.faces.surface[face]
+    painted, soaked = (np.isin(np.arange(len(Surface)), group)[surface] for group in (_PAINTED, _SOAKED))
+    brightness = scene.faces.colour[face].mean(axis=1)
+    # A film of water mirrors away what comes flat, and darkens what lies below it.
+    film = 1 - np.float32(wetness) * (0.5 + 0.4 * (1 - cosine))
+    return np.asarray(
+        surface_table().lidar[surface] * np.where(painted, 0.35 + brightness, 1) * np.where(soaked, film, 1),
+        np.float32,
+    )

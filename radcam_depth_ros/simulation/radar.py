@@ -5,39 +5,43 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import RigidTransform
-from radcam_depth_ros.simulation.configuration import ImagingRadarConfig, RadarConfig
-from radcam_depth_ros.simulation.echoes import Fan, detected, gather, trace, with_false_echoes
+from radcam_depth_ros.simulation.detections import Cells, detected, gather, level_db, with_false_echoes, with_spread
+from radcam_depth_ros.simulation.echoes import Echoes, Fan, trace
+from radcam_depth_ros.simulation.radar_unit import ImagingRadarUnit, RadarUnit
 from radcam_depth_ros.simulation.scene import Scene
 
 _MOVING_MPS = 0.6
+# The ARS408's data sheet: two scans in turns, the far one narrow and coarse in range.
+_FAR_HALF_VIEW = np.deg2rad(9.0)
+_FAR = Cells(range_m=1.79, azimuth=np.deg2rad(1.6), elevation=10.0, speed_mps=0.4)
+_NEAR = Cells(range_m=0.39, azimuth=np.deg2rad(3.2), elevation=10.0, speed_mps=0.4)
+_NEAR_REACH_M, _NEAR_REACH_ASIDE_M, _ASIDE = 70.0, 20.0, np.deg2rad(60.0)
 
 
 def sweep_radar(
     scene: Scene,
     world_from_radar: RigidTransform,
     radar_velocity: npt.NDArray[np.floating],
-    config: RadarConfig,
+    unit: RadarUnit,
     rng: np.random.Generator,
 ) -> dict[str, npt.NDArray[np.generic]]:
     """One sweep of the radar without elevation, as the columns of nuScenes' radar files.
 
     All points lie in the radar's own plane, z = 0: nothing is known of their height.
     """
-    half = np.deg2rad(config.field_of_view_deg / 2)
-    fan = Fan.of_degrees(config.field_of_view_deg / 2, int(config.field_of_view_deg * 2) + 1, -7.0, 9.0, 25)
-    echoes = trace(scene, world_from_radar, radar_velocity, fan, config.max_range_m, 0.3, rng)
-    cells = gather(echoes, 0.9, np.deg2rad(2.2), 10.0, 1.0)
-    found = detected(cells, -6.0, config.missed, config.max_points, rng)
-    found = with_false_echoes(
-        found, config.ghosts, config.clutter, config.max_range_m, float(half), config.max_points, rng
-    )
+    columns = int(np.rad2deg(unit.half_view) * 4) + 1
+    fan = Fan.around_horizon(unit.half_view, columns, np.deg2rad(-7.0), np.deg2rad(9.0), 21)
+    echoes = trace(scene, world_from_radar, radar_velocity, fan, unit, rng)
+    found = detected(_two_scans(echoes), unit, rng)
+    found = with_false_echoes(found, unit, rng)
     count = len(found)
     # The beam widens to the sides, and so does the error of the angle.
-    wider = 1 + 2 * (np.abs(found.azimuth) / half) ** 2
-    azimuth = found.azimuth + np.deg2rad(config.azimuth_noise_deg) * wider * rng.standard_normal(count)
-    range_m = np.maximum(found.range_m + config.range_noise_m * rng.standard_normal(count), 0.2)
-    error = config.speed_noise_mps * rng.standard_normal(count)
+    wider = 1 + 4 * (found.azimuth / _ASIDE) ** 4
+    azimuth = found.azimuth + unit.azimuth_noise * wider * _steadiness(found, unit) * rng.standard_normal(count)
+    range_m = np.maximum(found.range_m + unit.range_noise_m * rng.standard_normal(count), 0.2)
+    error = unit.speed_noise_mps * rng.standard_normal(count)
     speed, ground_speed = found.speed_mps + error, found.ground_speed_mps + error
     section = 10 * np.log10(np.maximum(found.section_m2, 1e-6)) + rng.normal(0, 1.0, count)
     cos, sin = np.cos(azimuth), np.sin(azimuth)
@@ -70,27 +74,45 @@ def sweep_imaging_radar(
     scene: Scene,
     world_from_radar: RigidTransform,
     radar_velocity: npt.NDArray[np.floating],
-    config: ImagingRadarConfig,
+    unit: ImagingRadarUnit,
     rng: np.random.Generator,
 ) -> dict[str, npt.NDArray[np.generic]]:
-    """One sweep of the 4D radar: x y z, radial speed against the sensor, cross section in dBsm."""
-    half = np.deg2rad(config.field_of_view_deg / 2)
-    fan = Fan.of_degrees(config.field_of_view_deg / 2, int(config.field_of_view_deg * 2.5) + 1, -10.0, 14.0, 49)
-    # It tells most of what comes from below the road from what is there.
-    echoes = trace(scene, world_from_radar, radar_velocity, fan, config.max_range_m, 0.02, rng)
-    cells = gather(echoes, 0.4, np.deg2rad(1.0), np.deg2rad(1.5), 0.5)
-    found = detected(cells, -20.0, config.missed, config.max_points, rng)
-    found = with_false_echoes(
-        found, config.ghosts, config.clutter, config.max_range_m, float(half), config.max_points, rng
-    )
-    count = len(found)
-    range_m = np.maximum(found.range_m + config.range_noise_m * rng.standard_normal(count), 0.2)
-    azimuth = found.azimuth + np.deg2rad(config.azimuth_noise_deg) * rng.standard_normal(count)
-    elevation = found.elevation + np.deg2rad(config.elevation_noise_deg) * rng.standard_normal(count)
+    """One sweep of the 4D radar: x y z, radial speed against the sensor, cross section or level in dB."""
+    # A radar of more points needs more rays to have them from.
+    rays_per_degree = float(np.clip(0.7 + unit.max_points / 2500, 1.0, 2.5))
+    columns = int(np.rad2deg(2 * unit.half_view) * rays_per_degree) + 1
+    fan = Fan.around_horizon(unit.half_view, columns, np.deg2rad(-14.0), np.deg2rad(16.0), 30)
+    echoes = trace(scene, world_from_radar, radar_velocity, fan, unit, rng)
+    found = detected(gather(echoes, Cells(unit.range_cell_m, unit.azimuth_cell, np.deg2rad(1.5), 0.4)), unit, rng)
+    found = with_false_echoes(with_spread(found, unit, unit.spread, rng), unit, rng)
+    count, steady = len(found), _steadiness(found, unit)
+    range_m = np.maximum(found.range_m + unit.range_noise_m * rng.standard_normal(count), 0.2)
+    azimuth = found.azimuth + unit.azimuth_noise * steady * rng.standard_normal(count)
+    # Elevations come from few antennas: their errors have long tails, up to the edges of what the beam sees.
+    error = unit.elevation_noise * steady * rng.standard_t(4, count)
+    elevation = np.clip(found.elevation + error, np.deg2rad(-20.0), np.deg2rad(20.0))
+    speed = found.speed_mps + unit.speed_noise_mps * rng.standard_normal(count)
+    half = unit.speed_span_mps / 2
+    intensity = 10 * np.log10(np.maximum(found.section_m2, 1e-6)) + rng.normal(0, 1.0, count)
+    if unit.intensity_is_level:
+        intensity = np.maximum(level_db(found, unit) + rng.normal(0, 1.0, count), 0)
     return {
         "x": (range_m * np.cos(elevation) * np.cos(azimuth)).astype(np.float32),
         "y": (range_m * np.cos(elevation) * np.sin(azimuth)).astype(np.float32),
         "z": (range_m * np.sin(elevation)).astype(np.float32),
-        "velocity": (found.speed_mps + config.speed_noise_mps * rng.standard_normal(count)).astype(np.float32),
-        "intensity": (10 * np.log10(np.maximum(found.section_m2, 1e-6)) + rng.normal(0, 1.0, count)).astype(np.float32),
+        "velocity": ((speed + half) % unit.speed_span_mps - half).astype(np.float32),
+        "intensity": (np.round((intensity + unit.intensity_offset_db) * 2) / 2).astype(np.float32),
     }
+
+
+def _two_scans(echoes: Echoes) -> Echoes:
+    """What both scans see, each in its own cells; things before the vehicle are in both."""
+    across = np.abs(echoes.azimuth)
+    reach_m = _NEAR_REACH_M + (_NEAR_REACH_ASIDE_M - _NEAR_REACH_M) * np.clip(3 * across / _ASIDE - 2, 0, 1)
+    far = echoes.some(across < _FAR_HALF_VIEW)
+    return gather(far, _FAR).joined(gather(echoes.some(echoes.range_m < reach_m), _NEAR))
+
+
+def _steadiness(echoes: Echoes, unit: RadarUnit) -> FloatArray:
+    """How much smaller the error of an angle is than that of a return that is just seen, (N,) 0.4 to 1."""
+    return np.asarray(0.4 + 0.6 * 10 ** (-np.maximum(level_db(echoes, unit), 0) / 15), np.float32)

@@ -12,11 +12,15 @@ from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.simulation import rig as frames_of
 from radcam_depth_ros.simulation.camera import render
-from radcam_depth_ros.simulation.configuration import SimulationConfig, SimulationError
+from radcam_depth_ros.simulation.configuration import SimulationConfig
 from radcam_depth_ros.simulation.ego import Motion
+from radcam_depth_ros.simulation.errors import SimulationError
 from radcam_depth_ros.simulation.lens import Lens
 from radcam_depth_ros.simulation.lidar import sweep_lidar
+from radcam_depth_ros.simulation.lidar_unit import draw_beams
+from radcam_depth_ros.simulation.path import DoubleArray
 from radcam_depth_ros.simulation.radar import sweep_imaging_radar, sweep_radar
+from radcam_depth_ros.simulation.radar_unit import RadarUnit, draw_imaging_radar, draw_radar
 from radcam_depth_ros.simulation.randomness import Stream, generator
 from radcam_depth_ros.simulation.rig import draw_rig
 from radcam_depth_ros.simulation.scene import Scene
@@ -66,7 +70,10 @@ class Drive:
         """Builds the world of a seed; see `simulate`."""
         self.config, self._seed, self._frames = config, seed, frames
         self.world = World(seed, config.world, LEAD_S + frames / config.camera.rate_hz + 1.0)
-        self.rig = draw_rig(seed, config.camera)
+        self.rig = draw_rig(seed, config.camera, config.radar, config.imaging_radar, config.lidar)
+        self._radar = draw_radar(config.radar, generator(seed, Stream.RIG, 1))
+        self._imaging_radar = draw_imaging_radar(config.imaging_radar, generator(seed, Stream.RIG, 2))
+        self._beams = draw_beams(config.lidar, generator(seed, Stream.RIG, 3))
         lens = generator(seed, Stream.LENS)
         low, high = config.camera.min_jpeg_quality, config.camera.max_jpeg_quality
         self._quality = low + int(float(lens.random()) * (high - low + 0.999))
@@ -125,24 +132,33 @@ class Drive:
         writer.write("/tf", messages.encode_transforms(factory, [link]), stamp_ns)
 
     def _write_radar(self, writer: BagWriter, event: Event) -> None:
-        scene, motion, pose = self._at(event, frames_of.RADAR)
-        velocity = motion.velocity_at(self.rig.footprint_from(frames_of.RADAR).translation)
-        columns = sweep_radar(scene, pose, velocity, self.config.radar, self._random(Stream.RADAR, event))
+        rng = self._random(Stream.RADAR, event)
+        scene, pose, velocity = self._swept(event, frames_of.RADAR, self._radar, rng)
+        columns = sweep_radar(scene, pose, velocity, self._radar, rng)
         stamp_ns = self.stamp_ns(event.time_s)
         writer.write("/radar/points", messages.encode_points(factory, columns, stamp_ns, frames_of.RADAR), stamp_ns)
 
     def _write_imaging_radar(self, writer: BagWriter, event: Event) -> None:
-        scene, motion, pose = self._at(event, frames_of.IMAGING_RADAR)
-        velocity = motion.velocity_at(self.rig.footprint_from(frames_of.IMAGING_RADAR).translation)
         rng = self._random(Stream.IMAGING_RADAR, event)
-        columns = sweep_imaging_radar(scene, pose, velocity, self.config.imaging_radar, rng)
+        scene, pose, velocity = self._swept(event, frames_of.IMAGING_RADAR, self._imaging_radar, rng)
+        columns = sweep_imaging_radar(scene, pose, velocity, self._imaging_radar, rng)
         stamp_ns = self.stamp_ns(event.time_s)
         cloud = messages.encode_points(factory, columns, stamp_ns, frames_of.IMAGING_RADAR)
         writer.write("/radar_4d/points", cloud, stamp_ns)
 
+    def _swept(
+        self, event: Event, frame: str, unit: RadarUnit, rng: np.random.Generator
+    ) -> tuple[Scene, RigidTransform, DoubleArray]:
+        """Scene, pose and velocity of a radar where and when it truly measures, not as its stamp and transform say."""
+        true = Event(event.time_s + unit.delay_s(rng), event.sensor, event.index)
+        scene, motion, pose = self._at(true, frame)
+        velocity = motion.velocity_at(self.rig.footprint_from(frame).translation)
+        return scene, pose @ unit.mount_from_radar, velocity
+
     def _write_lidar(self, writer: BagWriter, event: Event) -> None:
         scene, _, pose = self._at(event, frames_of.LIDAR)
-        columns = sweep_lidar(scene, pose, self.config.lidar, self._random(Stream.LIDAR, event))
+        rng = self._random(Stream.LIDAR, event)
+        columns = sweep_lidar(scene, pose, self.config.lidar, self._beams, self.world.style.wetness, rng)
         stamp_ns = self.stamp_ns(event.time_s)
         writer.write("/lidar/points", messages.encode_points(factory, columns, stamp_ns, frames_of.LIDAR), stamp_ns)
 

@@ -10,12 +10,16 @@ from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.simulation.configuration import CameraConfig
 from radcam_depth_ros.simulation.randomness import Stream, generator
+from radcam_depth_ros.simulation.sensor_configuration import ImagingRadarConfig, LidarConfig, RadarConfig
 
 FOOTPRINT, BASE = "base_footprint", "base_link"
 CAMERA, RADAR, IMAGING_RADAR, LIDAR = "camera_optical", "radar", "radar_4d", "lidar"
 ODOMETRY = "odom"
 
 _BASE_HEIGHT_M = 0.35
+_BUMPER_M, _ROOF_M = 2.35, 0.9
+# A radar that sits higher than a bumper sits on the roof.
+_HIGHEST_BUMPER_M = 0.9
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,7 @@ class Rig:
     Attributes:
         camera: The camera's intrinsics.
         footprint_from_base: Place of `base_link` above the footprint, which is on the road.
-        base_from_sensor: Mounting of each sensor's frame on `base_link`, by frame name.
+        base_from_sensor: Mounting of each sensor's frame on `base_link`, by frame name, as its transform tells.
     """
 
     camera: CameraModel
@@ -37,7 +41,9 @@ class Rig:
         return self.footprint_from_base @ self.base_from_sensor[frame]
 
 
-def draw_rig(seed: int, config: CameraConfig) -> Rig:
+def draw_rig(
+    seed: int, config: CameraConfig, radar: RadarConfig, imaging_radar: ImagingRadarConfig, lidar: LidarConfig
+) -> Rig:
     """Draws the mounting and the lens of a seed."""
     rng = generator(seed, Stream.RIG)
     # Drawn as shares first, so that another image size or range of focal lengths leaves the mounting as it is.
@@ -62,11 +68,18 @@ def draw_rig(seed: int, config: CameraConfig) -> Rig:
         RigidTransform(np.eye(3), np.array([0.0, 0.0, _BASE_HEIGHT_M])),
         {
             CAMERA: _mounted(float(rng.uniform(0.6, 1.2)), float(aside[0]) * 0.5, height_m, *tilt) @ optical,
-            RADAR: _mounted(2.35, float(aside[1]), float(rng.uniform(0.4, 0.65)), 0.0, 0.0, float(radar_yaw)),
-            IMAGING_RADAR: _mounted(2.35, float(aside[2]), float(rng.uniform(0.45, 0.7)), 0.0, 0.0, float(imaging_yaw)),
-            LIDAR: _mounted(0.2, 0.0, float(rng.uniform(1.8, 2.1)), 0.0, 0.0, float(lidar_yaw)),
+            RADAR: _radar_mounted(radar, float(rng.random()), float(aside[1]), float(radar_yaw)),
+            IMAGING_RADAR: _radar_mounted(imaging_radar, float(rng.random()), float(aside[2]), float(imaging_yaw)),
+            LIDAR: _mounted(
+                0.2, 0.0, float(rng.uniform(lidar.min_height_m, lidar.max_height_m)), 0.0, 0.0, float(lidar_yaw)
+            ),
         },
     )
+
+
+def _radar_mounted(config: RadarConfig, share: float, y: float, yaw: float) -> RigidTransform:
+    height_m = config.min_height_m + (config.max_height_m - config.min_height_m) * share
+    return _mounted(_BUMPER_M if height_m < _HIGHEST_BUMPER_M else _ROOF_M, y, height_m, 0.0, 0.0, yaw)
 
 
 def _mounted(x: float, y: float, height_m: float, roll: float, pitch: float, yaw: float) -> RigidTransform:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -7,17 +9,30 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radcam_depth_ros.geometry import RigidTransform
-from radcam_depth_ros.simulation import ImagingRadarConfig, LidarConfig, RadarConfig
+from radcam_depth_ros.simulation import ImagingRadarConfig, LidarConfig, LidarUnit, RadarConfig
 from radcam_depth_ros.simulation.lidar import sweep_lidar
+from radcam_depth_ros.simulation.lidar_unit import draw_beams
 from radcam_depth_ros.simulation.mesh import Mesh, ball, box, join, quads
 from radcam_depth_ros.simulation.radar import sweep_imaging_radar, sweep_radar
+from radcam_depth_ros.simulation.radar_unit import ImagingRadarUnit, RadarUnit, draw_imaging_radar, draw_radar
 from radcam_depth_ros.simulation.scene import Scene
 from radcam_depth_ros.simulation.surfaces import Label, Material, Surface
 
 STEEL = Material(Surface.BODYWORK, Label.CAR, (0.5, 0.5, 0.5))
 ROAD = Material(Surface.ASPHALT, Label.ROAD, (0.2, 0.2, 0.2))
 AHEAD = np.array([[1.0, 0.0, 0.0]], np.float32)
+QUIET = {"min_clutter": 0.0, "max_clutter": 0.0, "max_ghosts": 0.0, "max_mirror": 0.0, "interference": 0.0}
 EYE = np.array([[0.0, 0.0, 0.5]], np.float32)
+
+
+def radar(seed: int = 0, **changes: Any) -> RadarUnit:
+    """A radar of a seed; by default without false echoes."""
+    return draw_radar(RadarConfig(**{**QUIET, **changes}), np.random.default_rng(seed))
+
+
+def imaging_radar(seed: int = 0, **changes: Any) -> ImagingRadarUnit:
+    """The same with elevation."""
+    return draw_imaging_radar(ImagingRadarConfig(**{**QUIET, **changes}), np.random.default_rng(seed))
 
 
 def floor() -> Mesh:
@@ -57,8 +72,9 @@ def test_shadows_reach_as_far_as_they_are_asked() -> None:
 @settings(max_examples=25, deadline=None)
 @given(distance=st.floats(4, 90), seed=st.integers(0, 2**31))
 def test_lidar_measures_a_wall(distance: float, seed: int) -> None:
-    config = LidarConfig(beams=8, columns=256, missed=0.0)
-    turn = sweep_lidar(Scene(wall(distance)), sensor(), config, np.random.default_rng(seed))
+    config = LidarConfig(unit=LidarUnit.VLP_16, beams=8, columns=256, missed=0.0)
+    rng = np.random.default_rng(seed)
+    turn = sweep_lidar(Scene(wall(distance)), sensor(), config, draw_beams(config, rng), 0.0, rng)
     assert turn["x"].dtype == np.float32
     # The nearest face of the wall, and its ends where it is close.
     middle = np.abs(turn["y"]) < 9.5
@@ -72,7 +88,7 @@ def test_doppler_is_the_relative_motion(target_speed: float, own_speed: float) -
     scene.set_movers([(wall(30.0), np.array([target_speed, 0.0, 0.0]))])
     velocity = np.array([own_speed, 0.0, 0.0])
     rng = np.random.default_rng(0)
-    sweep = sweep_radar(scene, sensor(), velocity, RadarConfig(clutter=0.0, ghosts=0.0), rng)
+    sweep = sweep_radar(scene, sensor(), velocity, radar(), rng)
     far = (sweep["x"] > 25) & (np.abs(sweep["y"]) < 8)
     assert far.sum() >= 5
     cosine = sweep["x"][far] / np.hypot(sweep["x"][far], sweep["y"][far])
@@ -82,7 +98,7 @@ def test_doppler_is_the_relative_motion(target_speed: float, own_speed: float) -
     assert compensated == pytest.approx(target_speed * cosine, abs=0.6)
     expected = {-12.0: 2, 0.0: 1, 7.0: 0}[target_speed]
     assert (sweep["dyn_prop"][far] == expected).mean() > 0.9
-    imaging = sweep_imaging_radar(scene, sensor(), velocity, ImagingRadarConfig(clutter=0.0, ghosts=0.0), rng)
+    imaging = sweep_imaging_radar(scene, sensor(), velocity, imaging_radar(min_speed_span_mps=160.0), rng)
     near_axis = (imaging["x"] > 25) & (np.abs(imaging["y"]) < 3)
     assert np.median(imaging["velocity"][near_axis]) == pytest.approx(target_speed - own_speed, abs=0.3)
 
@@ -91,16 +107,15 @@ def test_a_radar_sees_below_the_vehicle_in_front() -> None:
     hidden = box([4.5, 1.8, 1.4], [40.0, 0, 0.9], STEEL)
     front = box([4.5, 2.6, 2.0], [12.0, 0, 1.5], STEEL)
     scene = Scene(join([floor(), front, hidden]))
-    config = RadarConfig(clutter=0.0, ghosts=0.0, missed=0.0)
-    found = [sweep_radar(scene, sensor(), np.zeros(3), config, np.random.default_rng(seed)) for seed in range(8)]
+    found = [sweep_radar(scene, sensor(), np.zeros(3), radar(seed), np.random.default_rng(seed)) for seed in range(8)]
     assert any(((sweep["x"] > 36) & (sweep["x"] < 40)).any() for sweep in found)
 
 
 def test_radar_cross_sections_follow_size() -> None:
-    config = RadarConfig(clutter=0.0, ghosts=0.0, missed=0.0)
-
     def strongest(target: Mesh) -> float:
-        sweep = sweep_radar(Scene(target), sensor(), np.zeros(3), config, np.random.default_rng(0))
+        sweep = sweep_radar(
+            Scene(target), sensor(), np.zeros(3), radar(max_threshold_dbsm=-10.0), np.random.default_rng(0)
+        )
         return float(sweep["rcs"].max(initial=-99.0))
 
     person = ball(0.4, (20.0, 0.0, 0.9), Material(Surface.CLOTH, Label.PERSON), (1, 1, 2))
@@ -110,7 +125,7 @@ def test_radar_cross_sections_follow_size() -> None:
 def test_a_sweep_that_meets_nothing_is_empty() -> None:
     scene = Scene(quads([[(-5, -1, 0), (-4, -1, 0), (-4, 1, 0), (-5, 1, 0)]], STEEL))
     rng = np.random.default_rng(0)
-    sweep = sweep_radar(scene, sensor(), np.zeros(3), RadarConfig(clutter=0.0), rng)
+    sweep = sweep_radar(scene, sensor(), np.zeros(3), radar(), rng)
     columns: list[npt.NDArray[np.generic]] = [*sweep.values()]
-    columns += sweep_imaging_radar(scene, sensor(), np.zeros(3), ImagingRadarConfig(clutter=0.0), rng).values()
+    columns += sweep_imaging_radar(scene, sensor(), np.zeros(3), imaging_radar(), rng).values()
     assert {len(column) for column in columns} == {0}
