@@ -10,6 +10,7 @@ from radcam_depth_ros.simulation.configuration import (
     SimulationConfig,
     SimulationError,
     StreetKind,
+    TimeOfDay,
     Weather,
     WorldConfig,
 )
@@ -25,6 +26,7 @@ __all__ = [
     "SimulationConfig",
     "SimulationError",
     "StreetKind",
+    "TimeOfDay",
     "Weather",
     "WorldConfig",
     "simulate",

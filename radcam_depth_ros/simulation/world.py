@@ -40,7 +40,7 @@ class World:
         self._seed, self._config = seed, config
         rng = generator(seed, Stream.STYLE)
         self.style = draw_style(rng, config)
-        self.light = draw_light(rng, config.weather)
+        self.light = draw_light(rng, config)
         self._wear = float(rng.uniform(0.3, 0.85))
         reach_m = self.style.speed_mps * duration_s * 2 + config.view_m + 500
         self.path = Path(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m)
