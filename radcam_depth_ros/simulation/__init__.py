@@ -6,6 +6,7 @@ from radcam_depth_ros.simulation.configuration import (
     Season,
     SimulationConfig,
     StreetKind,
+    TimeOfDay,
     Weather,
     WorldConfig,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "SimulationConfig",
     "SimulationError",
     "StreetKind",
+    "TimeOfDay",
     "Weather",
     "WorldConfig",
     "simulate",

@@ -10,11 +10,13 @@ import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FloatArray, ImageArray
 from radcam_depth_ros.geometry import RigidTransform
+from radcam_depth_ros.simulation.lamps import Lamps, shining_lamps
 from radcam_depth_ros.simulation.scene import Hits, Scene
 from radcam_depth_ros.simulation.shading import Hit, Shader, locate
 from radcam_depth_ros.simulation.surfaces import Label
 
-_OPENNESS_REACH_M = 3.0
+_NEAR_M, _FAR_M = 3.0, 60.0
+_FAR_STEP = 4
 # Sub-pixel places of the additional samples, in pixels from the centre: spread evenly (a Halton sequence).
 _SUBPIXELS = (
     (-0.25, 0.17),
@@ -36,11 +38,13 @@ class View:
         radiance: (H, W, 3) float32, linear.
         depth_m: (H, W) float32, metres along z at the pixel's centre; +inf in the sky.
         label: (H, W) uint8, values of `Label` at the pixel's centre.
+        velocity: (H, W, 3) float32, m/s in world axes, of what is at the pixel's centre.
     """
 
     radiance: FloatArray
     depth_m: FloatArray
     label: ImageArray
+    velocity: FloatArray
 
 
 def render(
@@ -64,9 +68,10 @@ def render(
     label[met] = scene.faces.label[hits.face[met]]
     hit = locate(scene, _some(hits, met), origin, directions[met])
     openness = _openness(scene, hit, met, depth, rng)
+    lamps = shining_lamps(scene, shader.light, world_from_camera)
     pixel_angle = 1.0 / camera.fx
     radiance = np.empty((height * width, 3), np.float32)
-    radiance[met] = shader.shade(scene, hit, openness.ravel()[met], pixel_angle, rng)
+    radiance[met] = shader.shade(scene, hit, openness.ravel()[met], lamps, pixel_angle, rng)
     missed = np.flatnonzero(hits.face < 0)
     radiance[missed] = shader.sky(_unit(directions[missed]))
     if edge_samples > 0:
@@ -81,10 +86,19 @@ def render(
                 column.ravel()[edges] + np.float32(dx),
                 row.ravel()[edges] + np.float32(dy),
                 openness.ravel()[edges],
+                lamps,
                 rng,
             )
         radiance[edges] = total / (1 + min(edge_samples, len(_SUBPIXELS)))
-    return View(radiance.reshape(height, width, 3), depth, label.reshape(height, width))
+    velocity = np.zeros((height * width, 3), np.float32)
+    moving = met[hit.face >= scene.static_count]
+    velocity[moving] = scene.velocity[hits.face[moving]]
+    return View(
+        radiance.reshape(height, width, 3),
+        depth,
+        label.reshape(height, width),
+        velocity.reshape(height, width, 3),
+    )
 
 
 def _directions(
@@ -116,6 +130,7 @@ def _sample(
     column: FloatArray,
     row: FloatArray,
     openness: FloatArray,
+    lamps: Lamps,
     rng: np.random.Generator,
 ) -> FloatArray:
     """Radiance (N, 3) at places (N,) of the image."""
@@ -125,7 +140,7 @@ def _sample(
     met, missed = np.flatnonzero(hits.face >= 0), np.flatnonzero(hits.face < 0)
     radiance = np.empty((len(column), 3), np.float32)
     hit = locate(scene, _some(hits, met), origin, directions[met])
-    radiance[met] = shader.shade(scene, hit, openness[met], 1.0 / camera.fx, rng)
+    radiance[met] = shader.shade(scene, hit, openness[met], lamps, 1.0 / camera.fx, rng)
     radiance[missed] = shader.sky(_unit(directions[missed]))
     return radiance
 
@@ -133,24 +148,36 @@ def _sample(
 def _openness(
     scene: Scene, hit: Hit, met: npt.NDArray[np.integer], depth: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """(H, W) share of the nearby sky that each pixel's surface sees: ambient occlusion at half the resolution."""
+    """(H, W) share of the sky that each pixel's surface sees: ambient occlusion, near and far."""
     height, width = depth.shape
     index = np.full(height * width, -1, np.int64)
     index[met] = np.arange(len(met))
-    coarse = index.reshape(height, width)[::2, ::2]
-    chosen = np.flatnonzero(coarse.ravel() >= 0)
-    rays = coarse.ravel()[chosen]
+    index = index.reshape(height, width)
+    near = _open_share(scene, hit, index[::2, ::2], _NEAR_M, rng)
+    # Houses, woods and roofs hide large parts of the sky from large areas: few rays are enough.
+    far = _open_share(scene, hit, index[::_FAR_STEP, ::_FAR_STEP], _FAR_M, rng)
+    near, far = (
+        cv2.resize(_smooth(share, depth[::step, ::step]), (width, height), interpolation=cv2.INTER_LINEAR)
+        for share, step in ((near, 2), (far, _FAR_STEP))
+    )
+    return np.asarray((0.08 + 0.92 * near) * (0.08 + 0.92 * far), np.float32)
+
+
+def _open_share(
+    scene: Scene, hit: Hit, index: npt.NDArray[np.integer], reach_m: float, rng: np.random.Generator
+) -> FloatArray:
+    """1 where a ray at random got away, 0 where it did not, for pixels (H, W) given by `index` into the hits."""
+    chosen = np.flatnonzero(index.ravel() >= 0)
+    rays = index.ravel()[chosen]
     # Origins lifted off the surface, more so far away, where float32 is coarser.
     lift = (np.float32(5e-3) + hit.range_m[rays] * np.float32(1e-4))[:, None]
     origins = np.ascontiguousarray(hit.point[rays] + hit.normal[rays] * lift)
-    open_share = np.ones(coarse.size, np.float32)
     # Directions on a sphere around the normal's tip are distributed as the light counts: by the cosine.
     scattered = _unit(rng.standard_normal((len(rays), 3), dtype=np.float32))
     aim = np.ascontiguousarray(hit.normal[rays] * np.float32(1.01) + scattered)
-    open_share[chosen] = ~scene.occluded(origins, aim, _OPENNESS_REACH_M)
-    smooth = _smooth(open_share.reshape(coarse.shape), depth[::2, ::2])
-    full = cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(0.15 + 0.85 * full, np.float32)
+    share = np.ones(index.size, np.float32)
+    share[chosen] = ~scene.occluded(origins, aim, reach_m)
+    return share.reshape(index.shape)
 
 
 def _smooth(values: FloatArray, depth: FloatArray) -> FloatArray:

@@ -25,12 +25,23 @@ class StreetKind(str, Enum):
 
 
 class Weather(str, Enum):
-    """The light; ANY draws one for each seed."""
+    """Sky and air; ANY draws one for each seed."""
 
     ANY = "any"
     SUNNY = "sunny"
     CLOUDY = "cloudy"
     OVERCAST = "overcast"
+    RAIN = "rain"
+    FOG = "fog"
+
+
+class TimeOfDay(str, Enum):
+    """How high the sun stands; ANY draws one for each seed."""
+
+    ANY = "any"
+    DAY = "day"
+    DUSK = "dusk"
+    NIGHT = "night"
 
 
 class Season(str, Enum):
@@ -49,7 +60,8 @@ class WorldConfig:
 
     Attributes:
         street: Kind of street.
-        weather: Kind of light.
+        weather: Sky and air.
+        time_of_day: Day, dusk or night.
         season: Season.
         traffic: Moving vehicles, as a multiple of what the kind of street has; 0 for none.
         parked: Parked vehicles, likewise.
@@ -58,10 +70,13 @@ class WorldConfig:
         max_slope: The steepest that hills may be, metres of rise a metre, and banks of curves; 0 keeps the road flat.
         random_textures: Share of the seeds whose patterns and colours are drawn without regard to what they are on.
         view_m: How far ahead the street is built, metres.
+        random_light: Share of the seeds with light that no weather gives: flat, coloured, without shadows, and with
+            random tones in the camera.
     """
 
     street: StreetKind = StreetKind.ANY
     weather: Weather = Weather.ANY
+    time_of_day: TimeOfDay = TimeOfDay.ANY
     season: Season = Season.ANY
     traffic: float = 1.0
     parked: float = 1.0
@@ -70,6 +85,7 @@ class WorldConfig:
     max_slope: float = 0.08
     random_textures: float = 0.15
     view_m: float = 400.0
+    random_light: float = 0.15
 
     def __post_init__(self) -> None:
         for name in ("traffic", "parked", "people", "speed"):
@@ -79,6 +95,7 @@ class WorldConfig:
         share = self.random_textures
         _require(0 <= share <= 1, f"world.random_textures is a share between 0 and 1, got {share}")
         _require(100 <= self.view_m <= 1500, f"world.view_m must be 100 to 1500 m, got {self.view_m}")
+        _require(0 <= self.random_light <= 1, f"world.random_light is a share from 0 to 1, got {self.random_light}")
 
 
 @dataclass(frozen=True)
@@ -87,8 +104,10 @@ class CameraConfig:
 
     Attributes:
         rate_hz: Images a second.
-        width: Pixels.
-        height: Pixels.
+        width: Pixels; the most where `min_width` is set.
+        height: Pixels; the most where `min_height` is set.
+        min_width: Each seed draws a width between this and `width`; 0 for always `width`.
+        min_height: Each seed draws a height between this and `height`; 0 for always `height`.
         min_focal_length_px: Each seed draws a focal length between this
         max_focal_length_px: and this, pixels.
         min_height_m: Each seed mounts the camera between this
@@ -105,14 +124,16 @@ class CameraConfig:
     rate_hz: float = 10.0
     width: int = 800
     height: int = 448
+    min_width: int = 0
+    min_height: int = 0
     min_focal_length_px: float = 630.0
     max_focal_length_px: float = 630.0
-    min_height_m: float = 1.2
-    max_height_m: float = 2.0
+    min_height_m: float = 1.0
+    max_height_m: float = 2.5
     max_pitch_deg: float = 3.0
     edge_samples: int = 2
     jpeg: bool = True
-    min_jpeg_quality: int = 75
+    min_jpeg_quality: int = 60
     max_jpeg_quality: int = 96
     depth: bool = True
     classes: bool = True
@@ -123,6 +144,15 @@ class CameraConfig:
             16 <= self.width <= 4096 and 16 <= self.height <= 4096,
             f"the image must be 16 to 4096 pixels wide and high, got {self.width} x {self.height}",
         )
+        for name, least_px, most_px in (
+            ("width", self.min_width, self.width),
+            ("height", self.min_height, self.height),
+        ):
+            _require(
+                least_px == 0 or 16 <= least_px <= most_px,
+                f"camera.min_{name} must be 0 (always camera.{name}) or 16 to camera.{name}, which is {most_px}, "
+                f"got {least_px}",
+            )
         for low, high, least, most in (
             ("min_focal_length_px", "max_focal_length_px", 10, 10000),
             ("min_height_m", "max_height_m", 0.3, 4),

@@ -15,12 +15,15 @@ def _steel(tone: float) -> Material:
 def lamp(rng: np.random.Generator) -> Mesh:
     """A street lamp whose arm reaches to -y."""
     steel = _steel(float(rng.uniform(0.08, 0.4)))
+    # The label tells a street lamp's glass from a vehicle's: it shines at night.
+    glass = Material(Surface.LAMP, Label.POLE, (0.7, 0.7, 0.68))
     height, arm = float(rng.uniform(5, 10)), float(rng.uniform(0.3, 2.2))
     return join(
         [
             tube(0.1, height, steel, 8, 0.06),
             box([0.09, arm, 0.09], [0, -arm / 2, height], steel),
             box([0.22, 0.6, 0.12], [0, -arm, height], steel),
+            box([0.18, 0.5, 0.06], [0, -arm, height - 0.08], glass),
         ]
     )
 

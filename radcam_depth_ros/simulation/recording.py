@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from radcam_depth_ros.simulation.errors import SimulationError
 from radcam_depth_ros.simulation.lens import Lens
 from radcam_depth_ros.simulation.lidar import sweep_lidar
 from radcam_depth_ros.simulation.lidar_unit import draw_beams
+from radcam_depth_ros.simulation.optics import motion_field
 from radcam_depth_ros.simulation.path import DoubleArray
 from radcam_depth_ros.simulation.radar import sweep_imaging_radar, sweep_radar
 from radcam_depth_ros.simulation.radar_unit import RadarUnit, draw_imaging_radar, draw_radar
@@ -59,7 +61,7 @@ def simulate(
         raise SimulationError(f"a seed must be a whole number from 0 to 2^63 - 1, got {seed}")
     if frames < 1:
         raise SimulationError(f"a drive needs at least 1 frame, got {frames}")
-    with BagWriter(out, overwrite=overwrite) as writer:
+    with BagWriter(out, latched=("/tf_static", "/scenario"), overwrite=overwrite) as writer:
         Drive(config, seed, frames).record(writer, progress)
 
 
@@ -77,7 +79,8 @@ class Drive:
         lens = generator(seed, Stream.LENS)
         low, high = config.camera.min_jpeg_quality, config.camera.max_jpeg_quality
         self._quality = low + int(float(lens.random()) * (high - low + 0.999))
-        self._lens = Lens(lens, config.camera.width, config.camera.height)
+        light = self.world.light
+        self._lens = Lens(lens, self.rig.camera.width, self.rig.camera.height, light.rain, light.random)
         self._shader = Shader(
             generator(seed, Stream.LENS, 1), self.world.atlas, self.world.light, self.world.style.wetness
         )
@@ -86,6 +89,7 @@ class Drive:
         """Writes all messages in the order of their stamps."""
         events = draw_timetable(self._seed, self.config, self._frames)
         self._write_static_transforms(writer, self.stamp_ns(events[0].time_s))
+        self._write_scenario(writer, self.stamp_ns(events[0].time_s))
         record = {
             Sensor.ODOMETRY: self._write_odometry,
             Sensor.RADAR: self._write_radar,
@@ -114,6 +118,20 @@ class Drive:
         links += [(frames_of.BASE, frame, pose) for frame, pose in self.rig.base_from_sensor.items()]
         stamped = [messages.StampedTransform(parent, child, stamp_ns, pose) for parent, child, pose in links]
         writer.write("/tf_static", messages.encode_transforms(factory, stamped), stamp_ns)
+
+    def _write_scenario(self, writer: BagWriter, stamp_ns: int) -> None:
+        light, style, camera = self.world.light, self.world.style, self.rig.camera
+        scenario = {
+            "weather": light.weather.value,
+            "time_of_day": light.time_of_day.value,
+            "season": style.season.value,
+            "street": style.kind.value,
+            "random_light": light.random,
+            "camera_height_m": round(float(self.rig.footprint_from(frames_of.CAMERA).translation[2]), 3),
+            "focal_length_px": round(camera.fx, 1),
+            "seed": self._seed,
+        }
+        writer.write("/scenario", factory("std_msgs/msg/String", data=json.dumps(scenario)), stamp_ns)
 
     def _write_odometry(self, writer: BagWriter, event: Event) -> None:
         motion, stamp_ns = self.world.ego.motion(event.time_s), self.stamp_ns(event.time_s)
@@ -163,10 +181,12 @@ class Drive:
         writer.write("/lidar/points", messages.encode_points(factory, columns, stamp_ns, frames_of.LIDAR), stamp_ns)
 
     def _write_image(self, writer: BagWriter, event: Event) -> None:
-        scene, _, pose = self._at(event, frames_of.CAMERA)
+        scene, motion, pose = self._at(event, frames_of.CAMERA)
         config, rng = self.config.camera, self._random(Stream.CAMERA, event)
         view = render(scene, self.rig.camera, pose, self._shader, config.edge_samples, rng)
-        image = self._lens.develop(view.radiance, rng)
+        velocity = motion.velocity_at(self.rig.footprint_from(frames_of.CAMERA).translation)
+        moved = motion_field(self.rig.camera, pose, view.depth_m, view.velocity, velocity, motion.rotation_rate)
+        image = self._lens.develop(view.radiance, rng, moved)
         stamp_ns, frame = self.stamp_ns(event.time_s), frames_of.CAMERA
         if config.jpeg:
             compressed = messages.encode_compressed_image(factory, image, stamp_ns, frame, self._quality)

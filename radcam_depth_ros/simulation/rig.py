@@ -50,13 +50,17 @@ def draw_rig(
     focal, height, pitch, roll, yaw, shift_x, shift_y = rng.uniform(-1, 1, 7)
     low, high = np.log(config.min_focal_length_px), np.log(config.max_focal_length_px)
     focal_px = float(np.exp(low + (high - low) * (focal + 1) / 2))
+    # A generator of its own, so that a range of sizes leaves the mounting as it is, too.
+    sizes = generator(seed, Stream.RIG, 1)
+    width = int(sizes.integers(config.min_width or config.width, config.width + 1))
+    height_px = int(sizes.integers(config.min_height or config.height, config.height + 1))
     camera = CameraModel(
-        config.width,
-        config.height,
+        width,
+        height_px,
         focal_px,
         focal_px,
-        (config.width - 1) / 2 + 0.02 * config.width * float(shift_x),
-        (config.height - 1) / 2 + 0.02 * config.height * float(shift_y),
+        (width - 1) / 2 + 0.02 * width * float(shift_x),
+        (height_px - 1) / 2 + 0.02 * height_px * float(shift_y),
     )
     height_m = config.min_height_m + (config.max_height_m - config.min_height_m) * (float(height) + 1) / 2
     tilt = np.deg2rad([roll * config.max_pitch_deg / 3, pitch * config.max_pitch_deg, yaw * config.max_pitch_deg / 2])

@@ -56,6 +56,16 @@ class Scene:
         """Attributes of all faces; those beyond the last one that is in use are not defined."""
         return self._faces
 
+    @property
+    def static_count(self) -> int:
+        """Number of faces that stand still: the first ones."""
+        return self._static_count
+
+    @property
+    def count(self) -> int:
+        """Number of faces that are in use."""
+        return self._count
+
     def set_movers(self, movers: list[tuple[Mesh, npt.NDArray[np.floating]]]) -> None:
         """Replaces the moving part by meshes with a velocity (3,) each."""
         moving = join([mesh for mesh, _ in movers])

@@ -44,7 +44,7 @@ class World:
         self._seed, self._config = seed, config
         rng = generator(seed, Stream.STYLE)
         self.style = draw_style(rng, config)
-        self.light = draw_light(rng, config.weather)
+        self.light = draw_light(rng, config)
         self._wear = float(rng.uniform(0.2, 0.85))
         self._first_junction = int(rng.integers(2))
         reach_m = self.style.speed_mps * duration_s * 2 + config.view_m + 500

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ TOPICS = {
     "/odom",
     "/tf",
     "/tf_static",
+    "/scenario",
 }
 NUSCENES_FIELDS = [
     *("x", "y", "z", "dyn_prop", "id", "rcs", "vx", "vy", "vx_comp", "vy_comp", "is_quality_valid", "ambig_state"),
@@ -63,7 +65,7 @@ def test_stamps_follow_the_sensors_rates(still_drive: Any) -> None:
     stamps = {
         topic: [messages.stamp_ns(message.header) for message in found]
         for topic, found in still_drive.messages.items()
-        if topic not in ("/tf", "/tf_static")
+        if topic not in ("/tf", "/tf_static", "/scenario")
     }
     assert stamps["/camera/image_raw/compressed"] == [1_700_000_000_000_000_000, 1_700_000_000_100_000_000]
     assert stamps["/ground_truth/depth"] == stamps["/camera/camera_info"] == stamps["/camera/image_raw/compressed"]
@@ -71,6 +73,16 @@ def test_stamps_follow_the_sensors_rates(still_drive: Any) -> None:
         assert np.allclose(np.diff(stamps[topic]), 1e9 / rate_hz, atol=2)
         assert stamps[topic][0] <= stamps["/camera/image_raw/compressed"][0]
         assert stamps[topic][-1] >= stamps["/camera/image_raw/compressed"][-1]
+
+
+def test_the_scenario_says_what_was_drawn(still_drive: Any) -> None:
+    (message,) = still_drive.messages["/scenario"]
+    scenario = json.loads(message.data)
+    assert scenario["street"] == "town"
+    assert simulation.Weather(scenario["weather"]) is not simulation.Weather.ANY
+    assert simulation.TimeOfDay(scenario["time_of_day"]) is not simulation.TimeOfDay.ANY
+    assert simulation.Season(scenario["season"]) is not simulation.Season.ANY
+    assert scenario["focal_length_px"] == 126.0
 
 
 def test_radar_has_the_layout_of_nuscenes(still_drive: Any) -> None:
