@@ -23,6 +23,8 @@ from radcam_depth_ros.frame import FloatArray, ImageArray
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 
 _NEAREST_M, _FARTHEST_M = 2.0, 120.0
+# The default camera at half its size: as large as a tile needs.
+_CAMERA = {"width": 400, "height": 224, "min_focal_length_px": 315.0, "max_focal_length_px": 315.0}
 _NOT_SEEN = ("radar", "imaging_radar", "lidar", "odometry")
 
 
@@ -57,11 +59,12 @@ def main() -> None:
     parser.add_argument("out", type=Path, help="file to write, .jpg")
     parser.add_argument("--seeds", default="1000000-1000039", help="first and last seed")
     parser.add_argument("--columns", type=int, default=4, help="tiles in a row")
-    parser.add_argument("--width", type=int, default=480, help="of a tile, pixels")
+    parser.add_argument("--width", type=int, default=420, help="of a tile, pixels")
     parser.add_argument("--quality", type=int, default=80, help="of the JPEG")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="e.g. world.street=tunnel")
     options = parser.parse_args()
     settings: dict[str, dict[str, Any]] = {name: {"enabled": False} for name in _NOT_SEEN}
+    settings["camera"] = dict(_CAMERA)
     for setting in options.set:
         key, _, value = setting.partition("=")
         section, _, name = key.partition(".")

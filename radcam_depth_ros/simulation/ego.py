@@ -40,7 +40,7 @@ class EgoDrive:
 
     def __init__(self, rng: np.random.Generator, style: StreetStyle, path: Path, relief: Relief) -> None:
         self._path, self._relief = path, relief
-        self._speed = style.speed_mps
+        self._speed, self._askew = style.speed_mps, style.askew_rad
         self._swell = float(rng.uniform(0.0, 0.7))
         self._period = float(rng.uniform(18, 60))
         self._phase = float(rng.uniform(0, 2 * np.pi))
@@ -71,11 +71,13 @@ class EgoDrive:
             / self._waves[:2]
             * np.cos(2 * np.pi * time / self._waves[:2] + self._phases[:2])
         )
-        yaw = float(self._path.heading(s)) + float(slopes.sum()) * speed_share / max(self._speed, 5.0)
+        yaw = float(self._path.heading(s)) + float(slopes.sum()) * speed_share / max(self._speed, 5.0) + self._askew
         uphill = self._relief.slope(float(x), float(y))
         ahead, left = uphill @ [np.cos(yaw), np.sin(yaw)], uphill @ [-np.sin(yaw), np.cos(yaw)]
-        ahead += float(np.diff(self._path.camber([s - 0.5, s + 0.5], t))[0])
-        left += float(np.diff(self._path.camber(s, [t - 0.5, t + 0.5]))[0])
+        along = float(np.diff(self._path.camber([s - 0.5, s + 0.5], t))[0])
+        across = float(np.diff(self._path.camber(s, [t - 0.5, t + 0.5]))[0])
+        cosine, sine = np.cos(self._askew), np.sin(self._askew)
+        ahead, left = ahead + along * cosine + across * sine, left - along * sine + across * cosine
         pitch = float(waves[2]) * speed_share - float(np.arctan(ahead))
         roll = float(waves[3]) * speed_share + float(np.arctan(left))
         place = np.array([float(x), float(y), float(self._relief.height(float(x), float(y)) + self._path.camber(s, t))])

@@ -80,6 +80,7 @@ class StreetStyle:
         right: The right side.
         kerb_m: Height of the sidewalk.
         speed_mps: Usual speed.
+        askew_rad: The own vehicle's heading less the road's: it turns, or leaves a parking place, slowly.
         min_radius_m: Tightest curve.
         headway_m: Usual distance between vehicles in a lane.
         waiting: Whether all wait at a red light.
@@ -118,6 +119,7 @@ class StreetStyle:
     right: Side
     kerb_m: float
     speed_mps: float
+    askew_rad: float
     min_radius_m: float
     headway_m: float
     waiting: bool
@@ -216,6 +218,9 @@ def draw_style(rng: np.random.Generator, config: WorldConfig) -> StreetStyle:
     jam = rng.random() < {StreetKind.RURAL: 0.04, StreetKind.CAR_PARK: 0.0}.get(kind, 0.15)
     waiting = bool(junction and rng.random() < 0.45)
     speed = float(rng.uniform(0.3, 4.0)) if jam else _speed(rng, kind) * (0.6 if works else 1.0)
+    askew = 0.0
+    if rng.random() < {StreetKind.CAR_PARK: 0.4, StreetKind.RURAL: 0.03, StreetKind.HIGHWAY: 0.0}.get(kind, 0.07):
+        askew, speed = float(rng.uniform(-1.3, 1.3)), min(speed, float(rng.uniform(0.5, 2.0)))
     land = np.array(_LAND[kind])
     return StreetStyle(
         kind=kind,
@@ -234,6 +239,7 @@ def draw_style(rng: np.random.Generator, config: WorldConfig) -> StreetStyle:
         right=_side(rng, kind, config.parked, flat=junction),
         kerb_m=float(rng.uniform(0.04, 0.16)),
         speed_mps=0.0 if waiting else speed * config.speed,
+        askew_rad=askew,
         min_radius_m={StreetKind.HIGHWAY: 450.0, StreetKind.RURAL: 110.0, StreetKind.ARTERIAL: 160.0}.get(kind, 110.0),
         headway_m=float(np.exp(rng.uniform(np.log(14), np.log(220))))
         * (1.5 if kind is StreetKind.HIGHWAY else 1.0)

@@ -75,6 +75,8 @@ class Traffic:
         self._movers: list[Mover] = []
         if config.traffic > 0:
             for lane in range(-style.oncoming_lanes, style.open_lanes):
+                if self._stands_in(lane):
+                    continue
                 self._fill_lane(rng, lane, style.headway_m / config.traffic)
             if style.special is StreetKind.JUNCTION:
                 for crossing_m in crossings_m:
@@ -134,6 +136,11 @@ class Traffic:
                     )
                 )
             place += half + gap
+
+    def _stands_in(self, lane: int) -> bool:
+        """Whether the own vehicle, standing askew, reaches into another lane: nobody drives there then."""
+        away = abs(self._style.lane_centre_m(lane) - self._style.lane_centre_m(self._ego.lane))
+        return bool(self._style.askew_rad and 0 < away < 5.0)
 
     def _blocks_crossing(self, place: float, half: float) -> bool:
         clear = self._style.crossing_half_m + 5.0 + half
@@ -207,7 +214,7 @@ class Traffic:
                             )
                         )
                         place += float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.5, 1.0))
-            if rng.random() < 0.7 * people and not lot:
+            if rng.random() < 0.7 * people and not lot and not style.askew_rad:
                 self._fill_cyclists(rng, sign, edge)
 
     def _fill_road(self, rng: np.random.Generator, people: float) -> None:
