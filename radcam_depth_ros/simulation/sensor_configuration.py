@@ -64,7 +64,7 @@ class RadarConfig:
     min_field_of_view_deg: float = 100.0
     max_field_of_view_deg: float = 120.0
     min_threshold_dbsm: float = -10.0
-    max_threshold_dbsm: float = 2.0
+    max_threshold_dbsm: float = 0.0
     min_range_noise_m: float = 0.1
     max_range_noise_m: float = 0.4
     min_azimuth_noise_deg: float = 0.3
@@ -122,11 +122,13 @@ class ImagingRadarConfig(RadarConfig):
     max_azimuth_noise_deg: float = 1.5
     speed_noise_mps: float = 0.06
     min_clutter: float = 4.0
-    max_clutter: float = 300.0
-    material_spread_db: float = 5.0
+    max_clutter: float = 500.0
+    max_ghosts: float = 0.25
+    max_mirror: float = 0.3
+    material_spread_db: float = 7.0
     max_height_m: float = 1.9
-    min_elevation_noise_deg: float = 0.3
-    max_elevation_noise_deg: float = 5.0
+    min_elevation_noise_deg: float = 0.4
+    max_elevation_noise_deg: float = 8.0
     min_range_cell_m: float = 0.15
     max_range_cell_m: float = 0.8
     min_azimuth_cell_deg: float = 0.7

@@ -170,6 +170,30 @@ def test_a_seed_decides_everything(record: Any, read: Any) -> None:
     assert not np.array_equal(decoded(read(record(config, seed=12)))["/radar/points"][0], first["/radar/points"][0])
 
 
+def test_clock_and_mounting_errors_are_in_no_message(record: Any, read: Any) -> None:
+    world = simulation.WorldConfig(view_m=100.0, street=simulation.StreetKind.RURAL)
+    off = {"max_clock_offset_s": 0.0, "clock_jitter_s": 0.0, "max_mounting_error_deg": 0.0, "max_mounting_error_m": 0.0}
+
+    def drive(**errors: float) -> Any:
+        config = simulation.SimulationConfig(
+            world=world,
+            camera=simulation.CameraConfig(width=96, height=64, min_focal_length_px=80.0, max_focal_length_px=80.0),
+            radar=dataclasses.replace(simulation.RadarConfig(), **errors),
+            imaging_radar=simulation.ImagingRadarConfig(enabled=False),
+            lidar=simulation.LidarConfig(enabled=False),
+            key_frames=True,
+        )
+        return read(record(config, seed=11, frames=1))
+
+    erring, exact = drive(), drive(**off)
+    (sweep,), (exact_sweep,) = erring.messages["/radar/points"], exact.messages["/radar/points"]
+    assert messages.stamp_ns(sweep.header) == messages.stamp_ns(exact_sweep.header)
+    assert all(
+        np.array_equal(a, b) for a, b in zip(decoded(erring)["/tf_static"], decoded(exact)["/tf_static"], strict=True)
+    )
+    assert not np.array_equal(sweep.data, exact_sweep.data)
+
+
 def test_key_frames_keep_the_nearest_sweeps_only(record: Any, read: Any) -> None:
     camera = dataclasses.replace(simulation.CameraConfig(), width=64, height=32, rate_hz=1.0, jpeg=False)
     off = simulation.LidarConfig(enabled=False)

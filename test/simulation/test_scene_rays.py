@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -129,3 +130,63 @@ def test_a_sweep_that_meets_nothing_is_empty() -> None:
     columns: list[npt.NDArray[np.generic]] = [*sweep.values()]
     columns += sweep_imaging_radar(scene, sensor(), np.zeros(3), imaging_radar(), rng).values()
     assert {len(column) for column in columns} == {0}
+
+
+def test_a_wall_along_the_road_shows_a_mirror_image_behind_it() -> None:
+    rail = box([60.0, 0.2, 4.0], [30.0, -4.1, 2.0], Material(Surface.METAL, Label.FENCE))
+    lorry = box([0.2, 2.4, 3.0], [40.1, 2.0, 1.5], STEEL)
+    scene = Scene(join([rail, lorry]))
+
+    def behind_the_wall(mirror: float) -> int:
+        unit = replace(imaging_radar(max_threshold_dbsm=-28.0, max_elevation_noise_deg=0.4), mirror=mirror)
+        sweep = sweep_imaging_radar(scene, sensor(), np.zeros(3), unit, np.random.default_rng(0))
+        # The lorry is at y = 2 and the wall's face at y = -4: its image is at y = -10.
+        return int(((np.abs(sweep["x"] - 40) < 1.5) & (np.abs(sweep["y"] + 10) < 2.0)).sum())
+
+    assert behind_the_wall(0.0) == 0
+    assert behind_the_wall(0.2) > 0
+
+
+def test_speeds_are_folded_into_the_span_that_a_radar_tells_apart() -> None:
+    scene = Scene(floor())
+    scene.set_movers([(wall(30.0), np.array([-9.0, 0.0, 0.0]))])
+    unit = imaging_radar(min_speed_span_mps=10.0, max_speed_span_mps=10.0)
+    sweep = sweep_imaging_radar(scene, sensor(), np.zeros(3), unit, np.random.default_rng(0))
+    assert np.abs(sweep["velocity"]).max() <= 5.0
+    ahead = (sweep["x"] > 25) & (np.abs(sweep["y"]) < 3)
+    assert np.median(sweep["velocity"][ahead]) == pytest.approx(1.0, abs=0.3)
+
+
+def test_elevations_are_as_noisy_as_the_unit() -> None:
+    scene = Scene(wall(30.0))
+    spread = []
+    for noise_deg in (0.4, 6.0):
+        unit = imaging_radar(min_elevation_noise_deg=noise_deg, max_elevation_noise_deg=noise_deg)
+        sweep = sweep_imaging_radar(scene, sensor(), np.zeros(3), unit, np.random.default_rng(0))
+        angle = np.rad2deg(np.arctan2(sweep["z"], np.hypot(sweep["x"], sweep["y"])))
+        spread.append(float(np.std(angle)))
+    assert spread[1] > spread[0] + 1
+
+
+def test_many_returns_show_where_a_car_is() -> None:
+    car = box([4.4, 1.8, 1.4], [22.2, 0.0, 0.9], STEEL)
+    unit = imaging_radar(max_threshold_dbsm=-28.0, max_elevation_noise_deg=0.4, max_azimuth_noise_deg=0.2)
+    sweep = sweep_imaging_radar(Scene(join([floor(), car])), sensor(), np.zeros(3), unit, np.random.default_rng(0))
+    on_car = (np.abs(sweep["x"] - 22) < 3) & (np.abs(sweep["y"]) < 1.5)
+    assert on_car.sum() >= 5
+    assert np.ptp(sweep["y"][on_car]) > 1.0
+
+
+def test_a_lidar_loses_wet_roads_and_dark_things_far_away() -> None:
+    config = LidarConfig(unit=LidarUnit.HDL_32E, missed=0.0)
+    beams, roof = draw_beams(config, np.random.default_rng(0)), RigidTransform(np.eye(3), np.array([0.0, 0.0, 2.0]))
+
+    def returns(mesh: Mesh, wetness: float) -> int:
+        turn = sweep_lidar(Scene(mesh), roof, config, beams, wetness, np.random.default_rng(0))
+        return int((np.hypot(turn["x"], turn["y"]) > 20).sum())
+
+    assert returns(floor(), 1.0) < 0.5 * returns(floor(), 0.0)
+    black, white = (
+        box([0.2, 20.0, 8.0], [80.1, 0.0, 2.0], material) for material in (Material(Surface.RUBBER, Label.CAR), STEEL)
+    )
+    assert returns(black, 0.0) < 0.5 * returns(white, 0.0)
