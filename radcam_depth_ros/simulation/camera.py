@@ -16,7 +16,8 @@ from radcam_depth_ros.simulation.shading import Hit, Shader, locate
 from radcam_depth_ros.simulation.surfaces import Label
 
 _NEAR_M, _FAR_M = 3.0, 60.0
-_FAR_STEP = 4
+_NEAR_STEP, _FAR_STEP = 2, 4
+_PIECE = 16384
 # Sub-pixel places of the additional samples, in pixels from the centre: spread evenly (a Halton sequence).
 _SUBPIXELS = (
     (-0.25, 0.17),
@@ -58,47 +59,82 @@ def render(
     """Renders a view; the camera's axes are x right, y down, z forward."""
     height, width = camera.height, camera.width
     column, row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    directions = _directions(camera, world_from_camera, column.ravel(), row.ravel())
-    origin = world_from_camera.translation.astype(np.float32)
-    hits = scene.cast(np.tile(origin, (len(directions), 1)), directions)
+    rays = _Rays.cast(scene, camera, world_from_camera, column.ravel(), row.ravel())
+    face = rays.hits.face
     # Directions have z = 1 in camera axes, so the distance along them is the depth.
-    depth = hits.distance_m.reshape(height, width)
-    met = np.flatnonzero(hits.face >= 0)
+    depth = rays.hits.distance_m.reshape(height, width)
+    met = np.flatnonzero(face >= 0)
     label = np.full(height * width, Label.SKY, np.uint8)
-    label[met] = scene.faces.label[hits.face[met]]
-    hit = locate(scene, _some(hits, met), origin, directions[met])
-    openness = _openness(scene, hit, met, depth, rng)
+    label[met] = scene.faces.label[face[met]]
+    velocity = np.zeros((height * width, 3), np.float32)
+    moving = np.flatnonzero(face >= scene.static_count)
+    velocity[moving] = scene.velocity[face[moving]]
+    openness = _openness(scene, rays, depth, rng).ravel()
     lamps = shining_lamps(scene, shader.light, world_from_camera)
-    pixel_angle = 1.0 / camera.fx
-    radiance = np.empty((height * width, 3), np.float32)
-    radiance[met] = shader.shade(scene, hit, openness.ravel()[met], lamps, pixel_angle, rng)
-    missed = np.flatnonzero(hits.face < 0)
-    radiance[missed] = shader.sky(_unit(directions[missed]))
+    radiance = _radiance(scene, rays, openness, shader, lamps, rng)
     if edge_samples > 0:
-        edges = np.flatnonzero(_edges(scene, hits.face.reshape(height, width), depth).ravel())
+        edges = np.flatnonzero(_edges(scene, face.reshape(height, width), depth).ravel())
+        x, y = column.ravel()[edges], row.ravel()[edges]
         total = radiance[edges]
         for dx, dy in _SUBPIXELS[:edge_samples]:
-            total = total + _sample(
-                scene,
-                camera,
-                world_from_camera,
-                shader,
-                column.ravel()[edges] + np.float32(dx),
-                row.ravel()[edges] + np.float32(dy),
-                openness.ravel()[edges],
-                lamps,
-                rng,
-            )
+            more = _Rays.cast(scene, camera, world_from_camera, x + np.float32(dx), y + np.float32(dy))
+            total = total + _radiance(scene, more, openness[edges], shader, lamps, rng)
         radiance[edges] = total / (1 + min(edge_samples, len(_SUBPIXELS)))
-    velocity = np.zeros((height * width, 3), np.float32)
-    moving = met[hit.face >= scene.static_count]
-    velocity[moving] = scene.velocity[hits.face[moving]]
     return View(
         radiance.reshape(height, width, 3),
         depth,
         label.reshape(height, width),
         velocity.reshape(height, width, 3),
     )
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """Rays through places of the image, and what they met.
+
+    Attributes:
+        origin: (3,) float32, world.
+        directions: (N, 3) float32, 1 along the camera's z.
+        hits: What they met.
+        pixel_angle: Radians that a pixel covers.
+    """
+
+    origin: FloatArray
+    directions: FloatArray
+    hits: Hits
+    pixel_angle: float
+
+    @classmethod
+    def cast(
+        cls, scene: Scene, camera: CameraModel, world_from_camera: RigidTransform, column: FloatArray, row: FloatArray
+    ) -> _Rays:
+        directions = _directions(camera, world_from_camera, column, row)
+        origin = world_from_camera.translation.astype(np.float32)
+        hits = scene.cast(np.tile(origin, (len(directions), 1)), directions)
+        return cls(origin, directions, hits, 1.0 / camera.fx)
+
+    def located(self, scene: Scene, chosen: npt.NDArray[np.integer]) -> Hit:
+        """Points and normals of some rays, all of which met something."""
+        hits = self.hits
+        some = Hits(hits.face[chosen], hits.distance_m[chosen], hits.u[chosen], hits.v[chosen])
+        return locate(scene, some, self.origin, self.directions[chosen])
+
+
+def _radiance(
+    scene: Scene, rays: _Rays, openness: FloatArray, shader: Shader, lamps: Lamps, rng: np.random.Generator
+) -> FloatArray:
+    """Radiance (N, 3) along rays, of which `openness` (N,) is known."""
+    radiance = np.empty((len(openness), 3), np.float32)
+    # In pieces that fit the processor's cache: shading makes many intermediate columns.
+    for start in range(0, len(openness), _PIECE):
+        face = rays.hits.face[start : start + _PIECE]
+        met, missed = np.flatnonzero(face >= 0) + start, np.flatnonzero(face < 0) + start
+        if len(met):
+            hit = rays.located(scene, met)
+            radiance[met] = shader.shade(scene, hit, openness[met], lamps, rays.pixel_angle, rng)
+        if len(missed):
+            radiance[missed] = shader.sky(_unit(rays.directions[missed]))
+    return radiance
 
 
 def _directions(
@@ -115,68 +151,36 @@ def _directions(
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), np.float32)
+    return np.asarray(vectors / np.sqrt(np.einsum("ni,ni->n", vectors, vectors))[:, None], np.float32)
 
 
-def _some(hits: Hits, chosen: npt.NDArray[np.integer]) -> Hits:
-    return Hits(hits.face[chosen], hits.distance_m[chosen], hits.u[chosen], hits.v[chosen])
-
-
-def _sample(
-    scene: Scene,
-    camera: CameraModel,
-    world_from_camera: RigidTransform,
-    shader: Shader,
-    column: FloatArray,
-    row: FloatArray,
-    openness: FloatArray,
-    lamps: Lamps,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Radiance (N, 3) at places (N,) of the image."""
-    directions = _directions(camera, world_from_camera, column, row)
-    origin = world_from_camera.translation.astype(np.float32)
-    hits = scene.cast(np.tile(origin, (len(directions), 1)), directions)
-    met, missed = np.flatnonzero(hits.face >= 0), np.flatnonzero(hits.face < 0)
-    radiance = np.empty((len(column), 3), np.float32)
-    hit = locate(scene, _some(hits, met), origin, directions[met])
-    radiance[met] = shader.shade(scene, hit, openness[met], lamps, 1.0 / camera.fx, rng)
-    radiance[missed] = shader.sky(_unit(directions[missed]))
-    return radiance
-
-
-def _openness(
-    scene: Scene, hit: Hit, met: npt.NDArray[np.integer], depth: FloatArray, rng: np.random.Generator
-) -> FloatArray:
+def _openness(scene: Scene, rays: _Rays, depth: FloatArray, rng: np.random.Generator) -> FloatArray:
     """(H, W) share of the sky that each pixel's surface sees: ambient occlusion, near and far."""
     height, width = depth.shape
-    index = np.full(height * width, -1, np.int64)
-    index[met] = np.arange(len(met))
-    index = index.reshape(height, width)
-    near = _open_share(scene, hit, index[::2, ::2], _NEAR_M, rng)
+    index = np.where(rays.hits.face >= 0, np.arange(height * width), -1).reshape(height, width)
+    near = _open_share(scene, rays, index[::_NEAR_STEP, ::_NEAR_STEP], _NEAR_M, rng)
     # Houses, woods and roofs hide large parts of the sky from large areas: few rays are enough.
-    far = _open_share(scene, hit, index[::_FAR_STEP, ::_FAR_STEP], _FAR_M, rng)
+    far = _open_share(scene, rays, index[::_FAR_STEP, ::_FAR_STEP], _FAR_M, rng)
     near, far = (
         cv2.resize(_smooth(share, depth[::step, ::step]), (width, height), interpolation=cv2.INTER_LINEAR)
-        for share, step in ((near, 2), (far, _FAR_STEP))
+        for share, step in ((near, _NEAR_STEP), (far, _FAR_STEP))
     )
     return np.asarray((0.08 + 0.92 * near) * (0.08 + 0.92 * far), np.float32)
 
 
 def _open_share(
-    scene: Scene, hit: Hit, index: npt.NDArray[np.integer], reach_m: float, rng: np.random.Generator
+    scene: Scene, rays: _Rays, index: npt.NDArray[np.integer], reach_m: float, rng: np.random.Generator
 ) -> FloatArray:
-    """1 where a ray at random got away, 0 where it did not, for pixels (H, W) given by `index` into the hits."""
+    """1 where a ray at random got away, 0 where it did not, for pixels (H, W) given by their rays, -1 for the sky's."""
     chosen = np.flatnonzero(index.ravel() >= 0)
-    rays = index.ravel()[chosen]
+    hit = rays.located(scene, index.ravel()[chosen])
     # Origins lifted off the surface, more so far away, where float32 is coarser.
-    lift = (np.float32(5e-3) + hit.range_m[rays] * np.float32(1e-4))[:, None]
-    origins = np.ascontiguousarray(hit.point[rays] + hit.normal[rays] * lift)
+    lift = (np.float32(5e-3) + hit.range_m * np.float32(1e-4))[:, None]
     # Directions on a sphere around the normal's tip are distributed as the light counts: by the cosine.
-    scattered = _unit(rng.standard_normal((len(rays), 3), dtype=np.float32))
-    aim = np.ascontiguousarray(hit.normal[rays] * np.float32(1.01) + scattered)
+    scattered = _unit(rng.standard_normal((len(chosen), 3), dtype=np.float32))
+    aim = np.ascontiguousarray(hit.normal * np.float32(1.01) + scattered)
     share = np.ones(index.size, np.float32)
-    share[chosen] = ~scene.occluded(origins, aim, reach_m)
+    share[chosen] = ~scene.occluded(np.ascontiguousarray(hit.point + hit.normal * lift), aim, reach_m)
     return share.reshape(index.shape)
 
 
