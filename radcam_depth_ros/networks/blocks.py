@@ -85,9 +85,12 @@ class QuarterEncoder(nn.Module):
         planes: Planes at a quarter of the image's size that join the image there.
         channels: Channels at 1/4, 1/8, 1/16, 1/32.
         blocks: Residual blocks at each of these.
+        context: Channels of other maps of the image that join at 1/8, 1/16 and 1/32; none by default.
     """
 
-    def __init__(self, planes: int, channels: tuple[int, ...], blocks: tuple[int, ...]) -> None:
+    def __init__(
+        self, planes: int, channels: tuple[int, ...], blocks: tuple[int, ...], context: tuple[int, ...] = ()
+    ) -> None:
         super().__init__()
         self.stem = nn.Sequential(ConvBlock(3, 16, stride=2), Projection(16, channels[0], 3, stride=2))
         self.join = Projection(planes, channels[0], 3)
@@ -96,13 +99,17 @@ class QuarterEncoder(nn.Module):
             _level(channels[max(index - 1, 0)], channels[index], 1 if index == 0 else 2, blocks[index])
             for index in range(len(channels))
         )
+        joins = [nn.Identity(), *(Projection(width, channels[index + 1]) for index, width in enumerate(context))]
+        self.context = nn.ModuleList(joins if context else [nn.Identity() for _ in channels])
 
-    def forward(self, image: Tensor, planes: Tensor) -> list[Tensor]:
-        """Takes (B, 3, H, W) and (B, planes, H / 4, W / 4) to maps at 1/4, 1/8, 1/16, 1/32."""
+    def forward(self, image: Tensor, planes: Tensor, context: list[Tensor]) -> list[Tensor]:
+        """Takes (B, 3, H, W), (B, planes, H / 4, W / 4) and the context to maps at 1/4, 1/8, 1/16, 1/32."""
         x = self.activation(self.stem(image).add_(self.join(planes)))
         maps: list[Tensor] = []
-        for level in self.levels:
+        for level, join in zip(self.levels, self.context, strict=False):
             x = level(x)
+            if 0 < len(maps) <= len(context):
+                x = x + join(context[len(maps) - 1])
             maps.append(x)
         return maps
 
