@@ -70,7 +70,11 @@ class Rasterise(nn.Module):
         """Takes (B, N, 6), (B, N), (B, 4) and the image's size; N may be 0."""
         rows, columns = height // self.stride, width // self.stride
         road = self._road(ground, rows, columns, float(self.stride))
-        known = torch.nan_to_num(ground[:, 3]).reshape(-1, 1, 1, 1).expand_as(road) if self.ground_prior else torch.zeros_like(road)
+        known = (
+            torch.nan_to_num(ground[:, 3]).reshape(-1, 1, 1, 1).expand_as(road)
+            if self.ground_prior
+            else torch.zeros_like(road)
+        )
         depth, distance, layers = self._around(radar.float(), valid, height // self.cell_px, width // self.cell_px)
         nearest = self.plane(depth)
         prior = torch.cat([road, known, torch.minimum(road, nearest), torch.exp(-distance / 40.0)], dim=1)
