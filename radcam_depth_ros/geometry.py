@@ -246,7 +246,7 @@ def ground_coefficients(ground: GroundPlane, camera: CameraModel) -> FloatArray:
     A point X = z K^-1 (u, v, 1) lies on the road when up . X = -height, so 1 / z = a u + b v + c.
 
     Returns:
-        (4,) float32: a, b, c in 1 / m, NaN where the height is unknown; a u + b v + c is not positive above the horizon.
+        (4,) float32: a, b, c in 1 / m, NaN where the height is unknown; the sum is not positive above the horizon.
         And whether the height is known, 1, or assumed or unknown, 0.
     """
     if not ground.is_known:

@@ -94,7 +94,8 @@ class Rasterise(nn.Module):
         known = torch.isfinite(ground).all(dim=1).reshape(-1, 1, 1, 1)
         if not self.ground_prior:
             known = torch.zeros_like(known)
-        a, b, c, _ = torch.nan_to_num(ground, nan=0.0, posinf=0.0, neginf=0.0).reshape(-1, 4, 1, 1, 1).unbind(1)
+        finite = torch.nan_to_num(ground, nan=0.0, posinf=0.0, neginf=0.0)
+        a, b, c, _ = finite.reshape(-1, 4, 1, 1, 1).unbind(1)
         u = _centres(width, stride, ground.device).reshape(1, 1, 1, -1)
         v = _centres(height, stride, ground.device).reshape(1, 1, -1, 1)
         inverse = (a * u + b * v + c).clamp(1.0 / self.max_depth_m, 1.0 / self.min_depth_m)

@@ -1,7 +1,7 @@
 """Where the road is, in place of where it is said to be: a plane through what each part of the image votes for.
 
-How a camera hangs above the road is known roughly at best: vehicles pitch and roll, roads rise and bank, and many drives
-do not tell the camera's height. A wrong road is wrong everywhere, by a tenth of the distance for half a degree at 15 m.
+How a camera hangs above the road is known roughly at best: vehicles pitch and roll, roads rise and bank, and many
+drives do not tell the camera's height. A wrong road is wrong everywhere: half a degree is a tenth of the depth at 15 m.
 """
 
 from typing import Final
@@ -22,9 +22,9 @@ SPAN_PX = 256.0
 
 
 class RoadVotes(nn.Module):
-    """Corrects the flat road's inverse depth a u + b v + c, which is linear in the pixel whatever the camera's attitude.
+    """Corrects the flat road's inverse depth a u + b v + c.
 
-    Each pixel at 1/16 votes for how many rows the road is off there, and says how much its vote counts. A plane through
+    It is linear in the pixel whatever the camera's attitude. Each pixel at 1/16 votes for how many rows the road is off there, and says how much its vote counts. A plane through
     the votes, by weighted least squares, is added to the one that is told. What is told counts as well, by learned
     weights: more where it is known than where it is assumed. This module is not in the paper.
 

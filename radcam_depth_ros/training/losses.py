@@ -11,7 +11,6 @@ from torch.nn import functional
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
 from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
 
-
 GROUND_CLASSES = (0, 1)
 """Road and sidewalk, as training ids of Cityscapes: what lies on the road's plane."""
 
