@@ -90,7 +90,7 @@ class Rasterise(nn.Module):
         return self._road(ground, rows, columns, self.stride / self.detail)
 
     def _road(self, ground: Tensor, height: int, width: int, stride: float) -> Tensor:
-        """The flat road's depth as a plane (B, 1, height, width) of pixels of `stride`; 1, the farthest, without one."""
+        """The flat road's depth as a plane (B, 1, height, width) of pixels of `stride`; 1, the farthest, without."""
         known = torch.isfinite(ground).all(dim=1).reshape(-1, 1, 1, 1)
         if not self.ground_prior:
             known = torch.zeros_like(known)

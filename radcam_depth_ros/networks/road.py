@@ -24,9 +24,10 @@ SPAN_PX = 256.0
 class RoadVotes(nn.Module):
     """Corrects the flat road's inverse depth a u + b v + c.
 
-    It is linear in the pixel whatever the camera's attitude. Each pixel at 1/16 votes for how many rows the road is off there, and says how much its vote counts. A plane through
-    the votes, by weighted least squares, is added to the one that is told. What is told counts as well, by learned
-    weights: more where it is known than where it is assumed. This module is not in the paper.
+    It is linear in the pixel whatever the camera's attitude. Each pixel at 1/16 votes for how many rows the road is off
+    there, and says how much its vote counts. A plane through the votes, by weighted least squares, is added to the one
+    that is told. What is told counts as well, by learned weights: more where it is known than where it is assumed. This
+    module is not in the paper.
 
     Args:
         channels: Of the encoder's maps at 1/4, 1/8, 1/16, 1/32.
