@@ -68,6 +68,7 @@ class BaffConfig:
         ground_prior: Take the flat road's depth as an input of `quarter`.
         context: `none`, or `mobilenet_v2`: its features of the image at half the size join the image encoder's, so that
             training can start from ImageNet's.
+        instance_norm: Levels of the image encoder, finest first, whose norms go by each image's own statistics.
         road: Correct the flat road by what the image shows, see `road.RoadVotes`.
         min_depth_m: Nearest depth that the network gives.
         max_depth_m: Farthest depth that the network gives.
@@ -90,6 +91,7 @@ class BaffConfig:
     position_pool: tuple[int, ...] = (16, 8)
     ground_prior: bool = True
     road: bool = True
+    instance_norm: int = 2
     context: str = "none"
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
@@ -100,6 +102,8 @@ class BaffConfig:
             raise ArchitectureError(f"association must be 'embedding' or 'regions', got {self.association!r}")
         if self.fusion not in ("quarter", "paper"):
             raise ArchitectureError(f"fusion must be 'quarter' or 'paper', got {self.fusion!r}")
+        if not 0 <= self.instance_norm <= 4:
+            raise ArchitectureError(f"instance_norm must be 0 to 4 levels, got {self.instance_norm}")
         if self.context not in ("none", "mobilenet_v2"):
             raise ArchitectureError(f"context must be 'none' or 'mobilenet_v2', got {self.context!r}")
         if self.fusion == "paper" and self.association != "regions":
@@ -174,7 +178,7 @@ class Baff(Network):
                 config.min_depth_m, config.max_depth_m, config.ground_prior, config.considered, config.detail
             )
             widths = ContextEncoder.CHANNELS if config.context != "none" else ()
-            self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks, widths)
+            self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks, widths, config.instance_norm)
             self.context = ContextEncoder() if config.context != "none" else None
             self.road = RoadVotes(config.channels) if config.road and config.ground_prior else None
             self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)

@@ -31,6 +31,7 @@ class LossConfig:
             0.4 m).
         association_tolerance_share: Widens the tolerance by this share of the depth; 0 is the paper's form.
         choice: Weight of the choice between candidates of depth, a cross entropy.
+        choice_sky: Weight in it of pixels without a surface, relative to the others.
         choice_tolerance: Relative error of a candidate's depth at which it counts 1 / e as much as a right one.
         road: Weight of the corrected road's error, an L1 of the logarithm of depth on the ground.
         positive_weight: How much more a pixel that belongs to a return counts than one that does not: they are few.
@@ -50,6 +51,7 @@ class LossConfig:
     association_tolerance_share: float = 0.01
     positive_weight: float = 1.5
     choice: float = 1.0
+    choice_sky: float = 0.2
     choice_tolerance: float = 0.05
     road: float = 4.0
     accumulated: float = 0.25
@@ -70,6 +72,7 @@ class LossConfig:
             self.confidence,
             self.choice,
             self.road,
+            self.choice_sky,
             self.association_tolerance_share,
         )
         if min(weights) < 0:
@@ -141,11 +144,12 @@ def choice_loss(candidates: Candidates, truth_m: Tensor, max_depth_m: float, con
     """
     truth = _at(truth_m, candidates.logits.shape[2])
     counts = ~torch.isnan(truth)
+    weight = torch.where(torch.isinf(truth), config.choice_sky, 1.0) * counts
     truth = torch.log(torch.where(counts, truth, 1.0).clamp(0.1, max_depth_m))
     logits = candidates.logits.float()
     distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
     likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
-    return _mean(-likelihood, counts)
+    return -(likelihood * weight).sum() / weight.sum().clamp(min=1)
 
 
 def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor) -> Tensor:
