@@ -68,7 +68,7 @@ class NetworkInputs:
         plan: How the frame's camera is brought to the network.
         image: (H, W, 3) uint8 RGB, contiguous, at the size of `plan.network`.
         radar: (N, 6) float32, columns of `networks.RADAR_COLUMNS`.
-        ground: (3,) float32, see `geometry.ground_coefficients`.
+        ground: (4,) float32, see `geometry.ground_coefficients`.
     """
 
     frame: Frame
@@ -169,7 +169,7 @@ class Estimator:
             plan,
             resample_image(frame.image, plan, frame.lens),
             radar_columns(frame.radar, plan.network, self.card.max_depth_m),
-            ground_coefficients(frame.ground, plan.network),
+            ground_coefficients(frame.ground.or_assumed(), plan.network),
         )
 
     def run(self, inputs: NetworkInputs) -> Depths:

@@ -139,6 +139,10 @@ class RadarReturns:
         )
 
 
+ASSUMED_HEIGHT_M = 1.4
+"""Height of a camera of which nothing is known: behind a passenger car's windscreen."""
+
+
 @dataclass(frozen=True)
 class GroundPlane:
     """The flat road under the vehicle, seen from the camera.
@@ -146,10 +150,12 @@ class GroundPlane:
     Attributes:
         height_m: Height of the camera above the road; NaN where unknown.
         up: The road's unit normal in camera axes (x right, y down, z forward); (0, -1, 0) for a level camera.
+        is_assumed: Whether both are assumed, since nothing tells them.
     """
 
     height_m: float = float("nan")
     up: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    is_assumed: bool = False
 
     def __post_init__(self) -> None:
         if np.isfinite(self.height_m) and self.height_m <= 0:
@@ -159,8 +165,12 @@ class GroundPlane:
 
     @property
     def is_known(self) -> bool:
-        """Whether the camera's height is known."""
+        """Whether the camera's height is known or assumed."""
         return bool(np.isfinite(self.height_m))
+
+    def or_assumed(self) -> GroundPlane:
+        """This road; where it is not known, that of a level camera at `ASSUMED_HEIGHT_M`."""
+        return self if self.is_known else GroundPlane(ASSUMED_HEIGHT_M, is_assumed=True)
 
 
 @dataclass(frozen=True)

@@ -246,15 +246,16 @@ def ground_coefficients(ground: GroundPlane, camera: CameraModel) -> FloatArray:
     A point X = z K^-1 (u, v, 1) lies on the road when up . X = -height, so 1 / z = a u + b v + c.
 
     Returns:
-        (3,) float32: a, b, c in 1 / m; the sum is not positive above the horizon; NaN where the height is unknown.
+        (4,) float32: a, b, c in 1 / m, NaN where the height is unknown; the sum is not positive above the horizon.
+        And whether the height is known, 1, or assumed or unknown, 0.
     """
     if not ground.is_known:
-        return np.full(3, np.nan, np.float32)
+        return np.array([np.nan, np.nan, np.nan, 0.0], np.float32)
     up_x, up_y, up_z = ground.up
     a = -up_x / (camera.fx * ground.height_m)
     b = -up_y / (camera.fy * ground.height_m)
     c = -up_z / ground.height_m - a * camera.cx - b * camera.cy
-    return np.array([a, b, c], np.float32)
+    return np.array([a, b, c, float(not ground.is_assumed)], np.float32)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from radcam_depth_ros.frame import CameraModel, FrameError, GroundPlane
+from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FrameError, GroundPlane
 from radcam_depth_ros.geometry import (
     CanonicalCamera,
     GeometryError,
@@ -160,12 +160,23 @@ def test_the_flat_road_has_the_depth_of_its_points(
     road = np.array([[8.0, 1, 0], [20, -3, 0], [60, 2, 0]])
     uv, depth = project(camera_from_footprint.apply(road), camera)
     seen = depth > 0.5
-    inverse = np.column_stack([uv, np.ones(3)]) @ ground_coefficients(ground, camera)
+    inverse = np.column_stack([uv, np.ones(3)]) @ ground_coefficients(ground, camera)[:3]
     np.testing.assert_allclose((1 / depth)[seen], inverse[seen], rtol=2e-2, atol=1e-4)
 
 
 def test_an_unknown_road_is_nan() -> None:
-    assert np.isnan(ground_coefficients(GroundPlane(), CameraModel(8, 6, 5, 5, 4, 3))).all()
+    camera = CameraModel(8, 6, 5, 5, 4, 3)
+    assert np.isnan(ground_coefficients(GroundPlane(), camera)[:3]).all()
+    assert ground_coefficients(GroundPlane(), camera)[3] == 0
+
+
+def test_an_unknown_road_is_assumed_to_be_level() -> None:
+    known = GroundPlane(2.0, (0.0, -1.0, 0.0))
+    assert known.or_assumed() is known
+    assumed = GroundPlane().or_assumed()
+    assert (assumed.height_m, assumed.up, assumed.is_assumed) == (ASSUMED_HEIGHT_M, (0.0, -1.0, 0.0), True)
+    camera = CameraModel(8, 6, 5, 5, 4, 3)
+    assert (ground_coefficients(known, camera)[3], ground_coefficients(assumed, camera)[3]) == (1, 0)
 
 
 @settings(max_examples=50, deadline=None)

@@ -196,7 +196,7 @@ class NetworkInputs:
     Attributes:
         image: (H, W, 3) uint8.
         radar: (N, 6) float32, columns of `networks.RADAR_COLUMNS`.
-        ground: (3,) float32, the flat road's inverse depth.
+        ground: (4,) float32, the flat road's inverse depth.
     """
 
     image: Tensor

@@ -27,7 +27,7 @@ def forward(
         image: (H, W, 3) uint8. Its memory is that of a channels_last image already.
         radar: (N, 6) float32.
         valid: (N,) bool.
-        ground: (3,) float32.
+        ground: (4,) float32.
         dtype: What the network computes in.
         layout: Memory format of the image that the network is given.
 
@@ -84,4 +84,4 @@ class PlainCalls:
 def blank_frame(height: int, width: int, returns: int) -> tuple[Tensor, Tensor, Tensor]:
     """Image, radar and ground of a black image with so many returns in its middle, 10 m away."""
     at = torch.tensor([0.5 * width, 0.5 * height, 10.0, 0.0, 0.0, 0.0])
-    return torch.zeros(height, width, 3, dtype=torch.uint8), at.repeat(returns, 1), torch.full((3,), float("nan"))
+    return torch.zeros(height, width, 3, dtype=torch.uint8), at.repeat(returns, 1), torch.full((4,), float("nan"))

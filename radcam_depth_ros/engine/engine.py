@@ -77,7 +77,7 @@ class Engine:
         Args:
             image: (H, W, 3) uint8 RGB, contiguous, on the CPU; H and W are multiples of 32.
             radar: (N, 6) float32 on the CPU, columns of `networks.RADAR_COLUMNS`; N may be 0.
-            ground: (3,) float32 on the CPU: the flat road's inverse depth a u + b v + c, NaN where unknown.
+            ground: (4,) float32 on the CPU: the flat road, as the network's interface has it.
 
         Returns:
             float32 on the CPU: `dense` and `confidence` (1, 1, H, W); `semi_dense` (1, 1, h, w) may be smaller by a

@@ -42,13 +42,13 @@ class Inputs:
             torch.zeros(height, width, 3, dtype=torch.uint8, pin_memory=pinned),
             torch.zeros(count, 6, pin_memory=pinned),
             torch.zeros(count, dtype=torch.bool, pin_memory=pinned),
-            torch.zeros(3, pin_memory=pinned),
+            torch.zeros(4, pin_memory=pinned),
         )
         image, radar, valid, ground = (torch.zeros_like(tensor, device=device) for tensor in self.host)
         self.device = (image, radar, valid, ground)
 
     def fill(self, image: Tensor, radar: Tensor, ground: Tensor) -> None:
-        """Writes a frame on the host: image (H, W, 3) uint8, radar (N, 6) with N <= count, ground (3,)."""
+        """Writes a frame on the host: image (H, W, 3) uint8, radar (N, 6) with N <= count, ground (4,)."""
         host_image, host_radar, host_valid, host_ground = self.host
         host_image.copy_(image)
         host_radar[: len(radar)] = radar

@@ -42,7 +42,7 @@ def flat_road(camera: CameraModel, ground: GroundPlane, farthest_m: float = FART
     Returns:
         (H, W) float32 metres, (0, farthest_m].
     """
-    a, b, c = ground_coefficients(ground, camera)
+    a, b, c, _ = ground_coefficients(ground, camera)
     columns = a * np.arange(camera.width, dtype=np.float32)
     rows = b * np.arange(camera.height, dtype=np.float32) + c
     inverse = columns[None, :] + rows[:, None]

@@ -18,6 +18,7 @@ from radcam_depth_ros.networks.blocks import QuarterEncoder
 from radcam_depth_ros.networks.choice import Choice, QuarterFusion
 from radcam_depth_ros.networks.fusion import PaperFusion
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs
+from radcam_depth_ros.networks.mobilenet import ContextEncoder
 from radcam_depth_ros.networks.rasterise import (
     CELL_PX,
     PRIOR_PLANES,
@@ -29,6 +30,7 @@ from radcam_depth_ros.networks.rasterise import (
 )
 from radcam_depth_ros.networks.regions import RegionAssociation
 from radcam_depth_ros.networks.registry import ArchitectureError, register
+from radcam_depth_ros.networks.road import RoadVotes
 
 PAPER: Mapping[str, Any] = MappingProxyType(
     {
@@ -64,6 +66,10 @@ class BaffConfig:
         position_pool: How far keys and values are pooled, 1 is exact: at 1/8 and 1/16, as far as attention goes, or
             of `paper` at 1/2, 1/4, 1/8 and 1/16.
         ground_prior: Take the flat road's depth as an input of `quarter`.
+        context: `none`, or `mobilenet_v2`: its features of the image at half the size join the image encoder's, so that
+            training can start from ImageNet's.
+        instance_norm: Levels of the image encoder, finest first, whose norms go by each image's own statistics.
+        road: Correct the flat road by what the image shows, see `road.RoadVotes`.
         min_depth_m: Nearest depth that the network gives.
         max_depth_m: Farthest depth that the network gives.
         focal_length_px: The focal length that it is trained at.
@@ -84,6 +90,9 @@ class BaffConfig:
     position_attention: bool = True
     position_pool: tuple[int, ...] = (16, 8)
     ground_prior: bool = True
+    road: bool = True
+    instance_norm: int = 2
+    context: str = "none"
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
     focal_length_px: float = 630.0
@@ -93,6 +102,10 @@ class BaffConfig:
             raise ArchitectureError(f"association must be 'embedding' or 'regions', got {self.association!r}")
         if self.fusion not in ("quarter", "paper"):
             raise ArchitectureError(f"fusion must be 'quarter' or 'paper', got {self.fusion!r}")
+        if not 0 <= self.instance_norm <= 4:
+            raise ArchitectureError(f"instance_norm must be 0 to 4 levels, got {self.instance_norm}")
+        if self.context not in ("none", "mobilenet_v2"):
+            raise ArchitectureError(f"context must be 'none' or 'mobilenet_v2', got {self.context!r}")
         if self.fusion == "paper" and self.association != "regions":
             raise ArchitectureError("fusion 'paper' has association 'regions', got 'embedding'; set both")
         if self.region_width_px % CELL_PX or self.region_width_px < CELL_PX:
@@ -121,11 +134,12 @@ class Baff(Network):
 
     config_type = BaffConfig
     stride: Final[int] = STRIDE
-    parts = ("encoder", "association", "fusion")
+    parts = ("context", "encoder", "association", "road", "fusion")
     stages = (
         ("rasterise", "rasterise"),
         ("image encoder", "encoder"),
         ("association", "association"),
+        ("road", "road"),
         ("image encoder", "fusion.image_encoder"),
         ("depth encoder", "fusion.depth_encoder"),
         ("gates", "fusion.gates"),
@@ -156,12 +170,17 @@ class Baff(Network):
         if config.fusion == "paper":
             self.rasterise: Rasterise | None = None
             self.encoder: QuarterEncoder | nn.Identity = nn.Identity()
+            self.road: RoadVotes | None = None
+            self.context: ContextEncoder | None = None
             self.fusion: QuarterFusion | PaperFusion = PaperFusion(config.position_pool, *ablation)
         else:
             self.rasterise = Rasterise(
                 config.min_depth_m, config.max_depth_m, config.ground_prior, config.considered, config.detail
             )
-            self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks)
+            widths = ContextEncoder.CHANNELS if config.context != "none" else ()
+            self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks, widths, config.instance_norm)
+            self.context = ContextEncoder() if config.context != "none" else None
+            self.road = RoadVotes(config.channels) if config.road and config.ground_prior else None
             self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
@@ -169,9 +188,10 @@ class Baff(Network):
             best, depth, _ = self.association(image, [image], radar, valid)
             return self._regress(image, best, depth)[0]
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
-        maps = self.encoder(image, geometry.prior.to(image.dtype))
+        maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
         best, depth, features = self.association(image, maps, radar, valid)
-        return self._choose(maps, features, best, depth, geometry)[0]
+        road = self._road(self.rasterise, maps, ground, image)
+        return self._choose(maps, features, best, depth, geometry, road)[0]
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
@@ -182,22 +202,37 @@ class Baff(Network):
         """
         geometry: Geometry | None = None
         maps = [image]
+        road = ground
         if self.rasterise is not None:
             geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
-            maps = self.encoder(image, geometry.prior.to(image.dtype))
+            maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
+            road = self._road(self.rasterise, maps, ground, image)
         association: Association | None = None
         if _learns(self.association):
             association, best, depth, features = self.association.train_outputs(image, maps, radar, valid)
         else:
             best, depth, features = self.association(image, maps, radar, valid)
         if not _learns(self.fusion):
-            return TrainOutputs(None, None, association, None)
+            return TrainOutputs(None, None, association, None, None)
         if geometry is None:
-            return TrainOutputs(*self._regress(image, best, depth), association, None)
-        depths, confidence_logit, choice = self._choose(maps, features, best, depth, geometry)
+            return TrainOutputs(*self._regress(image, best, depth), association, None, None)
+        depths, confidence_logit, choice = self._choose(maps, features, best, depth, geometry, road)
         assert isinstance(self.fusion, QuarterFusion)
         logits, planes = self.fusion.hypotheses(choice)
-        return TrainOutputs(depths, confidence_logit, association, Candidates(logits, self._depth(planes)))
+        candidates = Candidates(logits, self._depth(planes))
+        return TrainOutputs(depths, confidence_logit, association, candidates, self._depth(road))
+
+    def _context(self, image: Tensor) -> list[Tensor]:
+        maps: list[Tensor] = []
+        if self.context is not None:
+            maps = self.context(image)
+        return maps
+
+    def _road(self, rasterise: Rasterise, maps: list[Tensor], ground: Tensor, image: Tensor) -> Tensor:
+        """The road's plane (B, 1, h detail, w detail), corrected where that is learned."""
+        if self.road is not None:
+            ground = self.road(maps, ground)
+        return rasterise.road(ground, image.shape[2], image.shape[3])
 
     def _regress(self, image: Tensor, best: Tensor, depth: Tensor) -> tuple[Depths, Tensor]:
         """The paper's stage 2: depths and the confidence's logit."""
@@ -210,7 +245,7 @@ class Baff(Network):
         return depths, raw[:, 1:]
 
     def _choose(
-        self, maps: list[Tensor], features: Tensor, best: Tensor, depth: Tensor, geometry: Geometry
+        self, maps: list[Tensor], features: Tensor, best: Tensor, depth: Tensor, geometry: Geometry, road: Tensor
     ) -> tuple[Depths, Tensor, Choice]:
         """Stage 2 at a quarter: the depths, the confidence's logit at the image's size, and the choice behind them."""
         rows, columns = features.shape[2], features.shape[3]
@@ -229,8 +264,8 @@ class Baff(Network):
         # Deviation: what is likelier than not, whatever tau is, so that tau can be set after the training.
         likely = torch.where(probability > 0.5, found, torch.zeros_like(found))
         known = torch.cat([likely, probability, geometry.drawn], dim=1)
-        suggested = torch.cat([geometry.prior[:, 2:3], geometry.layers, found], dim=1)
-        choice = self.fusion(maps, features, known, geometry.road, suggested)
+        suggested = torch.cat([geometry.nearest, geometry.layers, found], dim=1)
+        choice = self.fusion(maps, features, known, road, suggested)
         plane, confidence_logit = choice.plane, choice.confidence_logit
         size = (rows * self.stride, columns * self.stride)
         if self.detail < self.stride:

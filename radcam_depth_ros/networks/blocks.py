@@ -7,37 +7,46 @@ from torch.nn import functional
 LEAK = 0.2  # METHODS A gives leaky ReLU 0.2 for the public baseline; the paper names no slope.
 
 
-class ConvBlock(nn.Sequential):
-    """Convolution, batch norm, leaky ReLU; `stride` divides the size."""
+def norm(channels: int, instance: bool) -> nn.Module:
+    """Batch norm; or instance norm, by each image's own mean and variance (as GroupNorm, whose kernels are faster)."""
+    return nn.GroupNorm(channels, channels) if instance else nn.BatchNorm2d(channels)
 
-    def __init__(self, in_channels: int, out_channels: int, kernel: int = 3, stride: int = 1) -> None:
+
+class ConvBlock(nn.Sequential):
+    """Convolution, norm, leaky ReLU; `stride` divides the size."""
+
+    def __init__(
+        self, in_channels: int, out_channels: int, kernel: int = 3, stride: int = 1, instance: bool = False
+    ) -> None:
         super().__init__(
             nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, bias=False),
-            nn.BatchNorm2d(out_channels),
+            norm(out_channels, instance),
             nn.LeakyReLU(LEAK, inplace=True),
         )
 
 
 class Projection(nn.Sequential):
-    """Convolution and batch norm, 1x1 unless told otherwise."""
+    """Convolution and norm, 1x1 unless told otherwise."""
 
-    def __init__(self, in_channels: int, out_channels: int, kernel: int = 1, stride: int = 1) -> None:
+    def __init__(
+        self, in_channels: int, out_channels: int, kernel: int = 1, stride: int = 1, instance: bool = False
+    ) -> None:
         super().__init__(
             nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, bias=False),
-            nn.BatchNorm2d(out_channels),
+            norm(out_channels, instance),
         )
 
 
 class ResidualBlock(nn.Module):
     """Two 3x3 convolutions and a shortcut (He et al. 2016, basic block)."""
 
-    def __init__(self, in_channels: int, out_channels: int, stride: int = 1) -> None:
+    def __init__(self, in_channels: int, out_channels: int, stride: int = 1, instance: bool = False) -> None:
         super().__init__()
-        self.first = ConvBlock(in_channels, out_channels, stride=stride)
-        self.second = Projection(out_channels, out_channels, 3)
+        self.first = ConvBlock(in_channels, out_channels, stride=stride, instance=instance)
+        self.second = Projection(out_channels, out_channels, 3, instance=instance)
         self.shortcut: nn.Module = nn.Identity()
         if stride != 1 or in_channels != out_channels:
-            self.shortcut = Projection(in_channels, out_channels, stride=stride)
+            self.shortcut = Projection(in_channels, out_channels, stride=stride, instance=instance)
         self.activation = nn.LeakyReLU(LEAK, inplace=True)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -85,24 +94,41 @@ class QuarterEncoder(nn.Module):
         planes: Planes at a quarter of the image's size that join the image there.
         channels: Channels at 1/4, 1/8, 1/16, 1/32.
         blocks: Residual blocks at each of these.
+        context: Channels of other maps of the image that join at 1/8, 1/16 and 1/32; none by default.
+        instance_norm: On how many levels, finest first, norms go by each image's own statistics, so that these levels
+            carry none of the pictures that they were trained on: IBN-Net (Pan et al. 2018). From 1 on, the stem's, too.
     """
 
-    def __init__(self, planes: int, channels: tuple[int, ...], blocks: tuple[int, ...]) -> None:
+    def __init__(
+        self,
+        planes: int,
+        channels: tuple[int, ...],
+        blocks: tuple[int, ...],
+        context: tuple[int, ...] = (),
+        instance_norm: int = 0,
+    ) -> None:
         super().__init__()
-        self.stem = nn.Sequential(ConvBlock(3, 16, stride=2), Projection(16, channels[0], 3, stride=2))
+        own = instance_norm > 0
+        self.stem = nn.Sequential(
+            ConvBlock(3, 16, stride=2, instance=own), Projection(16, channels[0], 3, stride=2, instance=own)
+        )
         self.join = Projection(planes, channels[0], 3)
         self.activation = nn.LeakyReLU(LEAK, inplace=True)
         self.levels = nn.ModuleList(
-            _level(channels[max(index - 1, 0)], channels[index], 1 if index == 0 else 2, blocks[index])
-            for index in range(len(channels))
+            _level(channels[max(i - 1, 0)], channels[i], 1 if i == 0 else 2, blocks[i], i < instance_norm)
+            for i in range(len(channels))
         )
+        joins = [nn.Identity(), *(Projection(width, channels[index + 1]) for index, width in enumerate(context))]
+        self.context = nn.ModuleList(joins if context else [nn.Identity() for _ in channels])
 
-    def forward(self, image: Tensor, planes: Tensor) -> list[Tensor]:
-        """Takes (B, 3, H, W) and (B, planes, H / 4, W / 4) to maps at 1/4, 1/8, 1/16, 1/32."""
+    def forward(self, image: Tensor, planes: Tensor, context: list[Tensor]) -> list[Tensor]:
+        """Takes (B, 3, H, W), (B, planes, H / 4, W / 4) and the context to maps at 1/4, 1/8, 1/16, 1/32."""
         x = self.activation(self.stem(image).add_(self.join(planes)))
         maps: list[Tensor] = []
-        for level in self.levels:
+        for level, join in zip(self.levels, self.context, strict=False):
             x = level(x)
+            if 0 < len(maps) <= len(context):
+                x = x + join(context[len(maps) - 1])
             maps.append(x)
         return maps
 
@@ -127,9 +153,10 @@ class PlanarConv(nn.Module):
         return planes.reshape(x.shape[0], -1, x.shape[2], x.shape[3])
 
 
-def _level(in_channels: int, out_channels: int, stride: int, blocks: int) -> nn.Sequential:
-    first = ResidualBlock(in_channels, out_channels, stride)
-    return nn.Sequential(first, *(ResidualBlock(out_channels, out_channels) for _ in range(blocks - 1)))
+def _level(in_channels: int, out_channels: int, stride: int, blocks: int, instance: bool) -> nn.Sequential:
+    first = ResidualBlock(in_channels, out_channels, stride, instance)
+    others = (ResidualBlock(out_channels, out_channels, instance=instance) for _ in range(blocks - 1))
+    return nn.Sequential(first, *others)
 
 
 class UpBlock(nn.Module):

@@ -5,7 +5,8 @@ A network is called as `network(image, radar, valid, ground) -> Depths`:
 - image (B, 3, H, W) float, 0 to 1; H and W are multiples of 32.
 - radar (B, N, 6) float, columns of `RADAR_COLUMNS`; N may be 0. NaN where a sensor does not give a value.
 - valid (B, N) bool: rows that are returns; the others are padding.
-- ground (B, 3) float: a, b, c of the flat road's inverse depth a u + b v + c in 1 / m; NaN where unknown.
+- ground (B, 4) float: a, b, c of the flat road's inverse depth a u + b v + c in 1 / m, and 1 where it is known, 0 where
+  it is assumed; a, b, c are NaN where nothing is assumed either.
 
 Depth is metres along the camera's z axis. Drawing radar into image planes happens inside, so that a network needs
 nothing but its archive.
@@ -63,6 +64,9 @@ class Candidates(NamedTuple):
 class TrainOutputs(NamedTuple):
     """What training needs of a network: the depths, and what its other losses are made from.
 
+    `road_m` is the depth of the road as the network corrected it, (B, 1, h, w) with the image's size or smaller by a
+    whole factor.
+
     Parts of a network whose weights are fixed (`requires_grad` is False) give None: what does not learn has no loss.
     """
 
@@ -70,6 +74,7 @@ class TrainOutputs(NamedTuple):
     confidence_logit: Tensor | None
     association: Association | None
     candidates: Candidates | None
+    road_m: Tensor | None
 
 
 class Network(nn.Module):

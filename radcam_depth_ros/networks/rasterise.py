@@ -29,15 +29,15 @@ class Geometry(NamedTuple):
 
     prior: (B, 4, h, w): the flat road, whether it is known, the nearest return or the road where that is nearer, and
         how near in the image that return is (1 at it, 0 far away).
+    nearest: (B, 1, h, w): the nearest return alone.
     layers: (B, 3, h, w): quantiles `SHARES` of the returns around a pixel.
     drawn: (B, 2, h, w): the returns where they are, 0 elsewhere, and whether there is one.
-    road: (B, 1, h detail, w detail): the flat road again, in more detail.
     """
 
     prior: Tensor
+    nearest: Tensor
     layers: Tensor
     drawn: Tensor
-    road: Tensor
 
 
 class Rasterise(nn.Module):
@@ -48,7 +48,7 @@ class Rasterise(nn.Module):
         max_depth_m: Farthest depth.
         ground_prior: Whether to give the road's depth; else it is unknown.
         considered: How many returns a cell looks up.
-        detail: Parts of a pixel along each axis in `Geometry.road`.
+        detail: Parts of a pixel along each axis in `road`.
     """
 
     cell_px: Final[int] = CELL_PX
@@ -67,39 +67,40 @@ class Rasterise(nn.Module):
         self.detail = detail
 
     def forward(self, radar: Tensor, valid: Tensor, ground: Tensor, height: int, width: int) -> Geometry:
-        """Takes (B, N, 6), (B, N), (B, 3) and the image's size; N may be 0."""
+        """Takes (B, N, 6), (B, N), (B, 4) and the image's size; N may be 0."""
         rows, columns = height // self.stride, width // self.stride
-        road, known = self._road(ground, rows, columns, float(self.stride))
-        fine, _ = self._road(ground, rows * self.detail, columns * self.detail, self.stride / self.detail)
+        road = self._road(ground, rows, columns, float(self.stride))
+        known = (
+            torch.nan_to_num(ground[:, 3]).reshape(-1, 1, 1, 1).expand_as(road)
+            if self.ground_prior
+            else torch.zeros_like(road)
+        )
         depth, distance, layers = self._around(radar.float(), valid, height // self.cell_px, width // self.cell_px)
-        nearest = torch.minimum(road, self.plane(depth))
-        prior = torch.cat([road * known, known, nearest, torch.exp(-distance / 40.0)], dim=1)
+        nearest = self.plane(depth)
+        prior = torch.cat([road, known, torch.minimum(road, nearest), torch.exp(-distance / 40.0)], dim=1)
         drawn = draw_nearest(radar, valid, height, width, self.stride)
         hit = drawn > 0
         drawn = torch.cat([torch.where(hit, self.plane(drawn), torch.zeros_like(drawn)), hit.float()], dim=1)
-        return Geometry(prior, self.plane(layers), drawn, fine)
+        return Geometry(prior, nearest, self.plane(layers), drawn)
 
-    def _road(self, ground: Tensor, height: int, width: int, stride: float) -> tuple[Tensor, Tensor]:
-        """The flat road's depth as a plane of pixels of `stride` (1, the farthest, where unknown), and if it is known.
+    @torch.jit.export
+    def road(self, ground: Tensor, height: int, width: int) -> Tensor:
+        """The flat road's plane of an image of this size, (B, 1, h detail, w detail); `ground` as in `forward`."""
+        rows, columns = height // self.stride * self.detail, width // self.stride * self.detail
+        return self._road(ground, rows, columns, self.stride / self.detail)
 
-        Args:
-            ground: (B, 3) a, b, c of the inverse depth a u + b v + c in 1 / m, NaN where unknown.
-            height: Rows of the plane.
-            width: Columns of the plane.
-            stride: Pixels of the image a pixel of the plane.
-
-        Returns:
-            Two (B, 1, height, width).
-        """
-        known = torch.isfinite(ground).all(dim=1).float().reshape(-1, 1, 1, 1)
+    def _road(self, ground: Tensor, height: int, width: int, stride: float) -> Tensor:
+        """The flat road's depth as a plane (B, 1, height, width) of pixels of `stride`; 1, the farthest, without."""
+        known = torch.isfinite(ground).all(dim=1).reshape(-1, 1, 1, 1)
         if not self.ground_prior:
             known = torch.zeros_like(known)
-        a, b, c = torch.nan_to_num(ground, nan=0.0, posinf=0.0, neginf=0.0).reshape(-1, 3, 1, 1, 1).unbind(1)
+        finite = torch.nan_to_num(ground, nan=0.0, posinf=0.0, neginf=0.0)
+        a, b, c, _ = finite.reshape(-1, 4, 1, 1, 1).unbind(1)
         u = _centres(width, stride, ground.device).reshape(1, 1, 1, -1)
         v = _centres(height, stride, ground.device).reshape(1, 1, -1, 1)
         inverse = (a * u + b * v + c).clamp(1.0 / self.max_depth_m, 1.0 / self.min_depth_m)
         plane = depth_to_plane(1.0 / inverse, self.min_depth_m, self.max_depth_m)
-        return torch.where(known > 0, plane, torch.ones_like(plane)), known.expand_as(plane)
+        return torch.where(known, plane, torch.ones_like(plane))
 
     def plane(self, depth: Tensor) -> Tensor:
         """Depths as planes; where there is none (0), the farthest."""

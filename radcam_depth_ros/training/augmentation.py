@@ -1,8 +1,8 @@
-"""Makes many samples of one: crop, flip, light, colour, radars that miss or invent returns, a road prior that is off.
+"""Makes many samples of one: another window, light, look, radars that miss or invent returns, a road prior that is off.
 
-What is seen (`crop`, `mirror`) and what is true of it change together: image, depth, returns and ground stay
-consistent. What is only perceived (`photometric.perceive`, `perturb_radar`, `perturb_ground`) changes alone. All take
-their randomness from the generator that is passed in.
+What is seen (`crop`, `zoom`, `mirror`) and what is true of it change together: image, depth, returns and ground stay
+consistent. What is only perceived (`appearance.restyle`, `photometric.perceive`, `appearance.develop`, `perturb_radar`,
+`perturb_ground`) changes alone. All take their randomness from the generator that is passed in.
 """
 
 from __future__ import annotations
@@ -10,10 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
+from radcam_depth_ros.training.appearance import AppearanceConfig, develop, restyle
 from radcam_depth_ros.training.photometric import PhotometricConfig, perceive
 from radcam_depth_ros.training.samples import RADAR_COLUMNS, UNKNOWN_CLASS, TrainingError, TrainingSample
 
@@ -89,15 +91,25 @@ class AugmentationConfig:
 
     Attributes:
         mirror: Probability of a left-right flip.
+        focal_jitter: Largest change of the logarithm of the focal length: the image is scaled, depths are not.
         photometric: Light and colour.
+        appearance: Surfaces, air and the camera's processing.
         radar: Returns.
         ground: Road prior.
     """
 
     mirror: float = 0.5
+    focal_jitter: float = 0.0
     photometric: PhotometricConfig = field(default_factory=PhotometricConfig)
+    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
     radar: RadarAugmentationConfig = field(default_factory=RadarAugmentationConfig)
     ground: GroundAugmentationConfig = field(default_factory=GroundAugmentationConfig)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mirror <= 1 or not 0 <= self.focal_jitter <= 0.5:
+            raise TrainingError(
+                f"mirror must be 0 to 1 and focal_jitter 0 to 0.5, got {self.mirror} and {self.focal_jitter}"
+            )
 
 
 def augment(
@@ -114,16 +126,21 @@ def augment(
     Returns:
         The sample, and its image after photometric changes, (H, W, 3) float32, 0 to 1.
     """
-    height, width = size
+    # Of their own generator: switching these effects on or off changes nothing else of a sample.
+    look = rng.spawn(1)[0]
+    height, width = _window_size(sample.camera, size, config.focal_jitter, look)
     top = _offset(sample.camera.height, height, rng)
     left = _offset(sample.camera.width, width, rng)
     result = crop(sample, top, left, height, width)
+    if (height, width) != size:
+        result = zoom(result, size)
     if rng.random() < config.mirror:
         result = mirror(result)
     radar, source = perturb_radar(result, config.radar, rng)
     ground = perturb_ground(result.ground, config.ground, rng)
     result = replace(result, radar=radar, radar_source=source, ground=ground)
-    return result, perceive(result.image, config.photometric, rng)
+    image = restyle(result.image, result.depth_m, result.classes, config.appearance, look)
+    return result, develop(perceive(image, config.photometric, rng), config.appearance, look)
 
 
 def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -> TrainingSample:
@@ -146,6 +163,31 @@ def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -
         classes=_window(sample.classes, top, left, height, width, UNKNOWN_CLASS),
         radar=radar[inside],
         radar_source=sample.radar_source[inside],
+        camera=camera,
+    )
+
+
+def zoom(sample: TrainingSample, size: tuple[int, int]) -> TrainingSample:
+    """Scales the image to `size` (height, width): as another focal length has it, since depths stay.
+
+    Depths and classes are taken from the nearest pixel, never blended.
+    """
+    height, width = size
+    old = sample.camera
+    x, y = width / old.width, height / old.height
+    # A pixel's coordinates are those of its middle.
+    camera = CameraModel(width, height, old.fx * x, old.fy * y, (old.cx + 0.5) * x - 0.5, (old.cy + 0.5) * y - 0.5)
+    radar = sample.radar.copy()
+    radar[:, _U] = (radar[:, _U] + 0.5) * x - 0.5
+    radar[:, _V] = (radar[:, _V] + 0.5) * y - 0.5
+    rows = ((np.arange(height) + 0.5) / y).astype(np.int64)[:, None]
+    columns = ((np.arange(width) + 0.5) / x).astype(np.int64)[None, :]
+    return replace(
+        sample,
+        image=cv2.resize(np.ascontiguousarray(sample.image), (width, height), interpolation=cv2.INTER_LINEAR),
+        depth_m=sample.depth_m[rows, columns],
+        classes=sample.classes[rows, columns],
+        radar=radar,
         camera=camera,
     )
 
@@ -231,6 +273,17 @@ def _clutter(
     if len(radar):
         invented[:, _RCS:] = radar[rng.integers(0, len(radar), count), _RCS:]
     return invented
+
+
+def _window_size(
+    camera: CameraModel, size: tuple[int, int], jitter: float, rng: np.random.Generator
+) -> tuple[int, int]:
+    """Height and width of the window that becomes `size` at another focal length; never more than the image has."""
+    if not jitter:
+        return size
+    least = max(size[0] / camera.height, size[1] / camera.width)
+    scale = max(float(np.exp(rng.uniform(-jitter, jitter))), min(least, 1.0))
+    return round(size[0] / scale), round(size[1] / scale)
 
 
 def _offset(length: int, wanted: int, rng: np.random.Generator) -> int:

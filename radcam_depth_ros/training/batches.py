@@ -33,7 +33,7 @@ class Batch:
         image: (B, 3, H, W) float32, 0 to 1, channels last in memory.
         radar: (B, N, 6) float32.
         valid: (B, N) bool.
-        ground: (B, 3) float32.
+        ground: (B, 4) float32.
         depth_accumulated_m: (B, 1, H, W) float32, NaN unknown, +inf sky: many scans, or the exact depth.
         depth_single_m: The same of a single scan; None where one ground truth serves as both.
         classes: (B, H, W) uint8, 255 unknown.
@@ -119,7 +119,7 @@ def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | No
     for index, sample in enumerate(samples):
         radar[index, : len(sample.radar)] = sample.radar
         valid[index, : len(sample.radar)] = True
-    ground = np.stack([ground_coefficients(sample.ground, sample.camera) for sample in samples])
+    ground = np.stack([ground_coefficients(sample.ground.or_assumed(), sample.camera) for sample in samples])
     return Batch(
         image=torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2),
         radar=torch.from_numpy(radar),

@@ -227,6 +227,7 @@ class Trainer:
             outputs,
             batch.depth_accumulated_m,
             batch.depth_single_m,
+            batch.classes,
             self.network.config.max_depth_m,
             self._config.loss,
         )
@@ -245,9 +246,9 @@ class Trainer:
         """Lets the stage's parts learn; the others keep their weights and statistics."""
         learning = stage.parts or self.network.parts
         self.network.train()
-        for name in self.network.parts:
-            part = self.network.get_submodule(name)
-            part.train(name in learning).requires_grad_(name in learning)
+        for name, part in self.network.named_children():
+            if name in self.network.parts:
+                part.train(name in learning).requires_grad_(name in learning)
 
     def _skip(self, loss: float) -> None:
         """Leaves the weights as they are after a gradient that is no number: one odd batch does not end a run."""

@@ -9,7 +9,16 @@ from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
+
+GROUND_CLASSES = (0, 1)
+"""Road and sidewalk, as training ids of Cityscapes: what lies on the road's plane."""
+
+FARTHEST_ROAD_M = 60.0
+"""The road's correction is learned from ground up to here: farther on, one plane seldom holds."""
+
+ROAD_TOLERANCE = 0.2
+"""Difference of the logarithms up to which a pixel of unknown class is taken for ground."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +31,9 @@ class LossConfig:
             0.4 m).
         association_tolerance_share: Widens the tolerance by this share of the depth; 0 is the paper's form.
         choice: Weight of the choice between candidates of depth, a cross entropy.
+        choice_sky: Weight in it of pixels without a surface, relative to the others.
         choice_tolerance: Relative error of a candidate's depth at which it counts 1 / e as much as a right one.
+        road: Weight of the corrected road's error, an L1 of the logarithm of depth on the ground.
         positive_weight: How much more a pixel that belongs to a return counts than one that does not: they are few.
         accumulated: Weight of the smooth L1 on the accumulated ground truth (exact depth in simulated drives).
         single: Weight of the smooth L1 on the single scan's ground truth; both are 1 in the paper.
@@ -40,7 +51,9 @@ class LossConfig:
     association_tolerance_share: float = 0.01
     positive_weight: float = 1.5
     choice: float = 1.0
+    choice_sky: float = 0.2
     choice_tolerance: float = 0.05
+    road: float = 4.0
     accumulated: float = 0.25
     single: float = 0.25
     smooth_l1_beta_m: float = 1.0
@@ -58,6 +71,8 @@ class LossConfig:
             self.log_depth,
             self.confidence,
             self.choice,
+            self.road,
+            self.choice_sky,
             self.association_tolerance_share,
         )
         if min(weights) < 0:
@@ -85,6 +100,7 @@ class Losses:
     choice: Tensor
     dense: Tensor
     log_depth: Tensor
+    road: Tensor
     confidence: Tensor
 
     def values(self) -> dict[str, float]:
@@ -128,11 +144,34 @@ def choice_loss(candidates: Candidates, truth_m: Tensor, max_depth_m: float, con
     """
     truth = _at(truth_m, candidates.logits.shape[2])
     counts = ~torch.isnan(truth)
+    weight = torch.where(torch.isinf(truth), config.choice_sky, 1.0) * counts
     truth = torch.log(torch.where(counts, truth, 1.0).clamp(0.1, max_depth_m))
     logits = candidates.logits.float()
     distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
     likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
-    return _mean(-likelihood, counts)
+    return -(likelihood * weight).sum() / weight.sum().clamp(min=1)
+
+
+def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor) -> Tensor:
+    """Mean absolute difference of the logarithms where the ground is.
+
+    That is where a pixel's class says so or, where classes are not known, where truth and road are not far apart.
+
+    Args:
+        road_m: (B, 1, h, w) metres, of the image's size or smaller by a whole factor.
+        truth_m: (B, 1, H, W) metres; NaN pixels do not count.
+        classes: (B, H, W) uint8, 255 unknown.
+    """
+    truth, label = _at(truth_m, road_m.shape[2]), _at(classes.unsqueeze(1), road_m.shape[2])
+    ground = torch.zeros_like(label, dtype=torch.bool)
+    for number in GROUND_CLASSES:
+        ground |= label == number
+    counts = (truth > 0) & (truth <= FARTHEST_ROAD_M)
+    difference = (torch.log(road_m) - torch.log(torch.where(counts, truth, 1.0))).abs()
+    near = difference.detach() < ROAD_TOLERANCE
+    # A plane has no business where the ground leaves it by half: a bank, a hole, another road.
+    counts &= torch.where(label == UNKNOWN_CLASS, near, ground & (difference.detach() < 0.7))
+    return _mean(difference, counts)
 
 
 def _at(truth_m: Tensor, rows: int) -> Tensor:
@@ -176,6 +215,7 @@ def total_loss(
     outputs: TrainOutputs,
     accumulated_m: Tensor,
     single_m: Tensor | None,
+    classes: Tensor,
     max_depth_m: float,
     config: LossConfig,
 ) -> Losses:
@@ -185,19 +225,23 @@ def total_loss(
         outputs: What the network gave.
         accumulated_m: (B, 1, H, W) ground truth of many scans, or the exact depth.
         single_m: The same of a single scan; None where one ground truth serves as both.
+        classes: (B, H, W) uint8, 255 unknown.
         max_depth_m: Farthest depth that the network gives.
         config: Weights.
     """
     total = accumulated_m.new_zeros(())
-    association = choice = accumulated = log_depth = confidence = total
+    association = choice = accumulated = log_depth = road = confidence = total
     if outputs.association is not None:
         association = association_loss(outputs.association, accumulated_m, config)
         total = total + config.association * association
     if outputs.depths is None or outputs.confidence_logit is None:
-        return Losses(total, association.detach(), choice.detach(), accumulated, log_depth, confidence)
+        return Losses(total, association.detach(), choice.detach(), accumulated, log_depth, road, confidence)
     if outputs.candidates is not None:
         choice = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config)
         total = total + config.choice * choice
+    if outputs.road_m is not None:
+        road = road_loss(outputs.road_m, accumulated_m, classes)
+        total = total + config.road * road
     dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
     accumulated = dense_loss(dense_m, accumulated_m, max_depth_m, config)
     single = accumulated if single_m is None else dense_loss(dense_m, single_m, max_depth_m, config)
@@ -207,7 +251,13 @@ def total_loss(
         log_depth = log_depth_loss(dense_m, accumulated_m, max_depth_m)
         total = total + config.log_depth * log_depth
     return Losses(
-        total, association.detach(), choice.detach(), accumulated.detach(), log_depth.detach(), confidence.detach()
+        total,
+        association.detach(),
+        choice.detach(),
+        accumulated.detach(),
+        log_depth.detach(),
+        road.detach(),
+        confidence.detach(),
     )
 
 

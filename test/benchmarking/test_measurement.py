@@ -84,7 +84,7 @@ def test_each_stage_of_the_networks_is_there_and_called_once(name: str) -> None:
         calls: list[str] = []
         for _, path in stages:
             network.get_submodule(path).register_forward_pre_hook(lambda *_, path=path, calls=calls: calls.append(path))
-        network(torch.zeros(1, 3, 32, 32), torch.ones(1, 2, 6), torch.ones(1, 2).bool(), torch.zeros(1, 3))
+        network(torch.zeros(1, 3, 32, 32), torch.ones(1, 2, 6), torch.ones(1, 2).bool(), torch.zeros(1, 4))
         assert calls == [path for _, path in stages]
     assert found == set(registry.find(name).stages)
 

@@ -50,7 +50,7 @@ def frame(height: int = 64, width: int = 96, returns: int = 5) -> Frame:
     generator = torch.Generator().manual_seed(1)
     image = torch.randint(0, 256, (height, width, 3), dtype=torch.uint8, generator=generator)
     scale = torch.tensor([width, height, 60.0, 20.0, 10.0, 0.1])
-    return image, torch.rand(returns, 6, generator=generator) * scale, torch.tensor([0.0, 1 / 945, -0.03])
+    return image, torch.rand(returns, 6, generator=generator) * scale, torch.tensor([0.0, 1 / 945, -0.03, 1.0])
 
 
 def reference(network: nn.Module, given: Frame) -> Depths:

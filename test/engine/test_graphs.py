@@ -33,14 +33,14 @@ def test_a_frame_takes_the_place_of_the_last_one() -> None:
     inputs = Inputs(32, 64, 64, CPU)
     for returns, ground in ((40, float("nan")), (3, 0.5), (0, 0.25)):
         image, radar = torch.full((32, 64, 3), returns, dtype=torch.uint8), torch.full((returns, 6), float("nan"))
-        inputs.fill(image, radar, torch.full((3,), ground))
+        inputs.fill(image, radar, torch.full((4,), ground))
         inputs.upload()
         got_image, got_radar, valid, got_ground = inputs.device
         torch.testing.assert_close(got_image, image)
         torch.testing.assert_close(got_radar[:returns], radar, equal_nan=True)
         assert (got_radar[returns:] == 1.0).all()
         assert valid.tolist() == [True] * returns + [False] * (64 - returns)
-        torch.testing.assert_close(got_ground, torch.full((3,), ground), equal_nan=True)
+        torch.testing.assert_close(got_ground, torch.full((4,), ground), equal_nan=True)
         depths = forward(Counts(), *inputs.device, torch.bfloat16)
         assert float(depths.dense[0, 0, 0, 0]) == pytest.approx(returns * (1 + 1 / 255), rel=0.01)
 

@@ -34,7 +34,7 @@ def copied(weights: Path, tmp_path: Path) -> Path:
 
 def inputs() -> tuple[torch.Tensor, ...]:
     radar = torch.tensor([[[40.0, 30, 20, 5, 1, 0]]])
-    return torch.rand(1, 3, 64, 96), radar, torch.ones(1, 1, dtype=torch.bool), torch.full((1, 3), float("nan"))
+    return torch.rand(1, 3, 64, 96), radar, torch.ones(1, 1, dtype=torch.bool), torch.full((1, 4), float("nan"))
 
 
 def run(module: torch.nn.Module, given: tuple[torch.Tensor, ...]) -> Depths:

@@ -21,6 +21,7 @@ from radcam_depth_ros.networks.rasterise import Rasterise, plane_to_depth
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
 FORMS: dict[str, tuple[str, dict[str, object]]] = {
     "baff": ("baff", {}),
+    "baff-context": ("baff", {"context": "mobilenet_v2"}),
     "baff-regions": ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
     "baff-paper": ("baff", {**PAPER, "region_width_px": 96, "radar_map_size": [4, 5]}),
 }
@@ -35,7 +36,7 @@ def make_inputs(batch: int, height: int, width: int, count: int, seed: int = 0) 
     if count > 1:
         radar[:, 1, 3:] = float("nan")
     valid = torch.rand(batch, count, generator=generator) > 0.2
-    ground = torch.tensor([[0.0, 1 / 630 / 1.5, -0.03]]).repeat(batch, 1)
+    ground = torch.tensor([[0.0, 1 / 630 / 1.5, -0.03, 1.0]]).repeat(batch, 1)
     ground[-1] = float("nan")
     return torch.rand(batch, 3, height, width, generator=generator), radar, valid, ground
 
@@ -247,7 +248,7 @@ torch.set_num_threads(1)
 network = networks.create("baff").eval()
 radar = torch.rand(1, 1000, 6) * torch.tensor([800.0, 448, 80, 20, 10, 0.1])
 with torch.inference_mode():
-    network(torch.rand(1, 3, 448, 800), radar, torch.ones(1, 1000, dtype=torch.bool), torch.full((1, 3), float("nan")))
+    network(torch.rand(1, 3, 448, 800), radar, torch.ones(1, 1000, dtype=torch.bool), torch.full((1, 4), float("nan")))
 # Not getrusage's maximum, which is inherited from the process that started this one.
 print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1])
 """
@@ -282,7 +283,7 @@ def test_geometry_alone_is_what_an_idle_head_gives(detail: int) -> None:
         bias = network.get_parameter("fusion.head.1.bias").zero_()
         bias[2 * detail**2 : 3 * detail**2] = 50.0
     radar = torch.tensor([[[48.0, 40.0, 8.0, 5.0, 0.0, 0.0]]])
-    ground = torch.tensor([[0.0, 1 / 630 / 1.5, 0.0]])
+    ground = torch.tensor([[0.0, 1 / 630 / 1.5, 0.0, 1.0]])
     image = torch.rand(1, 3, 64, 96)
     with torch.inference_mode():
         beside = network(image, radar, torch.ones(1, 1, dtype=torch.bool), ground).dense[0, 0]
@@ -296,7 +297,7 @@ def layers(radar: list[list[float]], valid: list[bool]) -> Tensor:
     """Quantiles 0.5, 0.1, 0.3, 0.7, 0.9 of returns (u, v, depth) on an image of 64 x 96 pixels, metres."""
     rows = torch.tensor([[[*row, 0.0, 0.0, 0.0] for row in radar]])
     rasterise = Rasterise(1.0, 100.0, ground_prior=True, considered=16, detail=2)
-    geometry = rasterise(rows, torch.tensor([valid]), torch.full((1, 3), float("nan")), 64, 96)
+    geometry = rasterise(rows, torch.tensor([valid]), torch.full((1, 4), float("nan")), 64, 96)
     return plane_to_depth(geometry.layers, 1.0, 100.0)
 
 

@@ -105,7 +105,7 @@ def test_the_road_lies_on_the_ground_plane(still_drive: Any) -> None:
     depth, classes = depth_and_classes(still_drive)
     camera = messages.Calibration(still_drive.messages["/camera/camera_info"][0]).camera
     ground = ground_plane(transforms(still_drive).lookup("camera_optical", "base_footprint"))
-    a, b, c = ground_coefficients(ground, camera)
+    a, b, c, _ = ground_coefficients(ground, camera)
     row, column = np.nonzero((classes == Label.ROAD) & (depth < 30))
     assert len(row) > 500
     predicted = 1 / (a * column + b * row + c)

@@ -18,6 +18,7 @@ from radcam_depth_ros.training.augmentation import (
     mirror,
     perturb_ground,
     perturb_radar,
+    zoom,
 )
 from radcam_depth_ros.training.photometric import PhotometricConfig, perceive
 from radcam_depth_ros.training.samples import TrainingSample
@@ -68,10 +69,43 @@ def test_a_crop_leaves_points_and_road_where_they_are_in_space(top: int, left: i
     np.testing.assert_array_equal(cut.image, sample.image[top : top + 64, left : left + 96])
     np.testing.assert_array_equal(cut.depth_m, sample.depth_m[top : top + 64, left : left + 96])
     np.testing.assert_allclose(points_of(cut), points_of(sample), rtol=1e-4, atol=1e-4)
-    before = ground_coefficients(sample.ground, sample.camera).astype(float)
-    after = ground_coefficients(cut.ground, cut.camera).astype(float)
+    before = ground_coefficients(sample.ground, sample.camera)[:3].astype(float)
+    after = ground_coefficients(cut.ground, cut.camera)[:3].astype(float)
     u, v = 7.0, 60.0
     assert after @ [u, v, 1] == pytest.approx(before @ [u + left, v + top, 1], abs=1e-5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(height=st.integers(70, 130), width=st.integers(120, 210))
+def test_zooming_leaves_points_and_road_where_they_are_in_space(height: int, width: int) -> None:
+    sample = make_sample()
+    zoomed = zoom(sample, (height, width))
+    assert zoomed.image.shape == (height, width, 3)
+    assert zoomed.depth_m.shape == zoomed.classes.shape == (height, width)
+    np.testing.assert_allclose(points_of(zoomed), points_of(sample), rtol=1e-4, atol=1e-4)
+    # Depths are never blended, and each pixel's is that of the direction it looks into.
+    row, column = height // 3, width // 4
+    u = (column - zoomed.camera.cx) / zoomed.camera.fx * CAMERA.fx + CAMERA.cx
+    v = (row - zoomed.camera.cy) / zoomed.camera.fy * CAMERA.fy + CAMERA.cy
+    nearest = {sample.depth_m[int(v + a), int(u + b)].item() for a in (0.499, 0.501) for b in (0.499, 0.501)}
+    assert zoomed.depth_m[row, column].item() in nearest
+    before = ground_coefficients(sample.ground, sample.camera).astype(float)
+    after = ground_coefficients(zoomed.ground, zoomed.camera).astype(float)
+    assert after @ [column, row, 1] == pytest.approx(before @ [u, v, 1], abs=1e-5)
+
+
+def test_the_focal_length_varies_within_its_bound() -> None:
+    config = replace(UNCHANGED, focal_jitter=0.15)
+    results = [augment(make_sample(), (64, 96), config, np.random.default_rng(seed)) for seed in range(40)]
+    assert {image.shape for _, image in results} == {(64, 96, 3)}
+    changes = np.log([sample.camera.fx / CAMERA.fx for sample, _ in results])
+    assert changes.min() < -0.08
+    assert changes.max() > 0.08
+    assert np.abs(changes).max() < 0.17
+    # A crop of the whole image can only be zoomed into: there is nothing beyond.
+    whole, _ = augment(make_sample(), (96, 160), config, np.random.default_rng(2))
+    assert whole.camera.fx >= CAMERA.fx
+    assert np.isfinite(whole.depth_m).all()
 
 
 def test_a_mirrored_point_is_the_point_with_x_negated() -> None:
@@ -81,8 +115,8 @@ def test_a_mirrored_point_is_the_point_with_x_negated() -> None:
     np.testing.assert_array_equal(flipped.image, sample.image[:, ::-1])
     np.testing.assert_array_equal(flipped.depth_m, sample.depth_m[:, ::-1])
     np.testing.assert_array_equal(flipped.classes, sample.classes[:, ::-1])
-    before = ground_coefficients(sample.ground, sample.camera).astype(float)
-    after = ground_coefficients(flipped.ground, flipped.camera).astype(float)
+    before = ground_coefficients(sample.ground, sample.camera)[:3].astype(float)
+    after = ground_coefficients(flipped.ground, flipped.camera)[:3].astype(float)
     assert after @ [20, 80, 1] == pytest.approx(before @ [159 - 20, 80, 1], abs=1e-6)
 
 

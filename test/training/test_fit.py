@@ -56,7 +56,7 @@ class Miniature(Network):
             torch.where(valid.unsqueeze(2), column, -1),
         )
         confidence = raw[:, 2:]
-        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None)
+        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None, None)
 
 
 CONFIG = TrainingConfig(

@@ -13,6 +13,7 @@ from radcam_depth_ros.training.losses import (
     confidence_loss,
     dense_loss,
     log_depth_loss,
+    road_loss,
     total_loss,
 )
 from radcam_depth_ros.training.samples import TrainingError
@@ -139,21 +140,22 @@ def test_choice_takes_the_sky_for_the_farthest_depth_and_leaves_unknown_pixels_o
 def test_parts_that_do_not_learn_cost_nothing() -> None:
     whole = outputs()
     truth = torch.full((1, 1, 1, 2), 10.0)
-    stage_1 = total_loss(TrainOutputs(None, None, whole.association, None), truth, None, 100.0, CONFIG)
-    stage_2 = total_loss(whole._replace(association=None), truth, None, 100.0, CONFIG)
+    stage_1 = total_loss(TrainOutputs(None, None, whole.association, None, None), truth, None, UNKNOWN, 100.0, CONFIG)
+    stage_2 = total_loss(whole._replace(association=None), truth, None, UNKNOWN, 100.0, CONFIG)
     assert float(stage_1.total) == pytest.approx(entropy(0, True), rel=1e-6)
     assert float(stage_1.dense) == 0.0
     assert float(stage_2.association) == 0.0
     assert float(stage_2.total) == pytest.approx(3.0 + 0.25 * entropy(0, False), rel=1e-6)
 
 
+UNKNOWN = torch.full((1, 1, 2), 255, dtype=torch.uint8)
 CONFIG = LossConfig(accumulated=1.0, single=1.0, log_depth=0.0, confidence=0.25, positive_weight=1.0)
 
 
 def outputs() -> TrainOutputs:
     dense = torch.full((1, 1, 1, 2), 12.0)
     association = of_one_return(torch.zeros(1, 1, 1, 2), 10.0)
-    return TrainOutputs(Depths(dense, dense, dense), torch.zeros(1, 1, 1, 2), association, None)
+    return TrainOutputs(Depths(dense, dense, dense), torch.zeros(1, 1, 1, 2), association, None, None)
 
 
 def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
@@ -162,11 +164,23 @@ def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
         association=0.5, accumulated=1.0, single=2.0, log_depth=0.0, confidence=0.25, positive_weight=1.0
     )
     association, confidence = 0.5 * entropy(0, True), 0.25 * entropy(0, False)
-    one = total_loss(outputs(), accumulated, None, 100.0, config)
+    one = total_loss(outputs(), accumulated, None, UNKNOWN, 100.0, config)
     assert float(one.total) == pytest.approx(association + confidence + 3 * 1.5, rel=1e-6)
-    two = total_loss(outputs(), accumulated, single, 100.0, config)
+    two = total_loss(outputs(), accumulated, single, UNKNOWN, 100.0, config)
     assert float(two.total) == pytest.approx(association + confidence + 1.5 + 2 * 0.5, rel=1e-6)
     assert one.values()["dense"] == pytest.approx(1.5)
+
+
+def test_the_road_is_judged_on_the_ground() -> None:
+    truth = torch.tensor([[[[10.0, 10.0, 10.0, torch.nan, 90.0, 30.0]]]])
+    road = torch.tensor([[[[11.0, 11.0, 11.0, 11.0, 95.0, 10.0]]]])
+    building = 2
+    classes = torch.tensor([[[0, 1, building, 0, 0, 0]]], dtype=torch.uint8)
+    assert float(road_loss(road, truth, classes)) == pytest.approx(math.log(1.1), rel=1e-5)
+    # Of unknown classes, what is not far from the road is taken for it.
+    unknown = torch.full_like(classes, 255)
+    assert float(road_loss(road, truth, unknown)) == pytest.approx(math.log(1.1), rel=1e-5)
+    assert float(road_loss(3 * road, truth, unknown)) == 0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,81 @@
+"""MobileNetV2 (Sandler et al. 2018) without its classifier, with the parameter names of torchvision's checkpoints."""
+
+import torch
+from torch import Tensor, nn
+
+SETTINGS = ((1, 16, 1, 1), (6, 24, 2, 2), (6, 32, 3, 2), (6, 64, 4, 2), (6, 96, 3, 1), (6, 160, 3, 2), (6, 320, 1, 1))
+"""Of each group of blocks: how much wider they are inside, channels, how many, stride of the first; table 2."""
+
+
+class ConvNormRelu(nn.Sequential):
+    """Convolution, batch norm, ReLU6."""
+
+    def __init__(self, in_channels: int, out_channels: int, kernel: int = 3, stride: int = 1, groups: int = 1) -> None:
+        super().__init__(
+            nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, groups=groups, bias=False),
+            nn.BatchNorm2d(out_channels),
+            nn.ReLU6(inplace=True),
+        )
+
+
+class InvertedResidual(nn.Module):
+    """A narrow map, widened, filtered channel by channel, narrowed; added to the input where sizes are the same."""
+
+    def __init__(self, in_channels: int, out_channels: int, stride: int, widening: int) -> None:
+        super().__init__()
+        inside = in_channels * widening
+        layers: list[nn.Module] = [ConvNormRelu(in_channels, inside, kernel=1)] if widening != 1 else []
+        layers += [
+            ConvNormRelu(inside, inside, stride=stride, groups=inside),
+            nn.Conv2d(inside, out_channels, 1, bias=False),
+            nn.BatchNorm2d(out_channels),
+        ]
+        self.conv = nn.Sequential(*layers)
+        self.adds = stride == 1 and in_channels == out_channels
+
+    def forward(self, x: Tensor) -> Tensor:
+        result: Tensor = self.conv(x)
+        return result + x if self.adds else result
+
+
+class MobileNetV2(nn.Module):
+    """The blocks of MobileNetV2 up to some stride.
+
+    Args:
+        groups: How many groups of `SETTINGS`: 7 are all, 5 end at a stride of 16.
+    """
+
+    def __init__(self, groups: int = 7) -> None:
+        super().__init__()
+        layers: list[nn.Module] = [ConvNormRelu(3, 32, stride=2)]
+        channels = 32
+        for widening, width, count, stride in SETTINGS[:groups]:
+            for index in range(count):
+                layers.append(InvertedResidual(channels, width, stride if index == 0 else 1, widening))
+                channels = width
+        self.features = nn.Sequential(*layers)
+
+
+class ContextEncoder(MobileNetV2):
+    """ImageNet's features of the image at half its size: at 1/8, 1/16 and 1/32 of the image, 24, 32 and 96 channels.
+
+    At the full size they would cost twice what all of `baff`'s encoder does; what a thing is shows at half of it.
+    """
+
+    CHANNELS = (24, 32, 96)
+
+    def __init__(self) -> None:
+        super().__init__(groups=5)
+        self.register_buffer("mean", torch.tensor([0.485, 0.456, 0.406]).reshape(1, 3, 1, 1), persistent=False)
+        self.register_buffer("deviation", torch.tensor([0.229, 0.224, 0.225]).reshape(1, 3, 1, 1), persistent=False)
+
+    def forward(self, image: Tensor) -> list[Tensor]:
+        """Takes (B, 3, H, W), 0 to 1, to three maps, finest first."""
+        x = (nn.functional.avg_pool2d(image, 2) - self.mean) / self.deviation
+        maps: list[Tensor] = []
+        for index, layer in enumerate(self.features):
+            x = layer(x)
+            # The last of the groups with 24, 32 and 96 channels.
+            if index == 3 or index == 6 or index == 13:
+                maps.append(x)
+        return maps
