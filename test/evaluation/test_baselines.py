@@ -126,10 +126,10 @@ def test_it_is_quick():
     frame = frame_with(points, camera=camera)
     durations = []
     for _ in range(5):
-        start = time.perf_counter()
+        start = time.thread_time()
         ground_nearest(frame)
-        durations.append(time.perf_counter() - start)
-    # 8 ms on a slow core; the margin is for a busy one.
+        durations.append(time.thread_time() - start)
+    # 8 ms of a slow core, whatever else the machine does; the margin is for a core that is shared.
     assert min(durations) < 0.03
 
 

@@ -44,7 +44,7 @@ def test_a_drive_is_measured():
     assert [entry.frames for entry in evaluation.dense.bins] == [0, 1, 0, 1]
     assert evaluation.semi_dense.coverage == pytest.approx(0.25)
     assert evaluation.semi_dense.metrics[0].mae == pytest.approx(2.0)
-    assert evaluation.ground_nearest.within(50).frames == 1
+    assert evaluation.baselines["ground_nearest"].within(50).frames == 1
     with pytest.raises(EvaluationError, match="50, 70, 80 m, got 60 m"):
         evaluation.dense.within(60)
 
@@ -68,14 +68,15 @@ def test_a_frame_without_depth_is_counted_and_left_out():
     evaluation = evaluate_drive(samples, lambda frame: None if frame.stamp_ns == 1 else result_of(frame))
     assert (evaluation.frames, evaluation.frames_missing) == (3, 1)
     assert evaluation.dense.within(80).frames == 2
-    assert evaluation.ground_nearest.within(80).frames == 2
+    assert evaluation.baselines["ground_nearest"].within(80).frames == 2
     assert any(fact.name == "frames without depth" and fact.value == "1" for fact in facts_of(evaluation))
 
 
 def test_a_drive_without_ground_truth_gives_no_numbers():
     evaluation = evaluate_drive([make_sample(math.nan, source="none")], result_of)
     assert not evaluation.has_ground_truth
-    assert evaluation.semi_dense.coverage == pytest.approx(0.25)
+    assert evaluation.semi_dense.image_share == pytest.approx(0.25)
+    assert evaluation.as_json()["semi_dense"]["coverage"] is None
     assert evaluation.as_json()["dense"]["80"]["mae"] is None
     assert all("nan" not in cell for table in tables_of(evaluation) for row in table.rows for cell in row)
 
@@ -97,7 +98,7 @@ def test_a_drive_without_frames_is_refused():
 def test_where_the_camera_s_height_comes_from_is_said(ground, given_m, height_m, source):
     settings = EvaluationSettings(camera_height_m=given_m)
     evaluation = evaluate_drive([make_sample(ground=ground)], result_of, settings)
-    assert (evaluation.camera_height_m, evaluation.camera_height_source) == (height_m, source)
+    assert (evaluation.given.camera_height_m, evaluation.given.camera_height_source) == (height_m, source)
     baseline = evaluation.as_json()["baselines"]["ground_nearest"]
     assert (baseline["camera_height_m"], baseline["camera_height_source"]) == (height_m, source)
 
@@ -112,7 +113,11 @@ def test_classes_are_measured_apart():
     sample.depth_m[10:20] = 25.0
     evaluation = evaluate_drive([sample], result_of)
     assert {entry.name: entry.mae for entry in evaluation.by_class} == pytest.approx({"road": 1.0, "car": 4.0})
-    assert tables_of(evaluation)[-1].title.startswith("By class")
+    assert {entry.name: entry.mae for entry in evaluation.by_class_group} == pytest.approx(
+        {"road, people and vehicles": 1.0 + 3.0 * (10 * 64) / (36 * 64)}
+    )
+    titles = [table.title for table in tables_of(evaluation)]
+    assert titles[-2:] == ["By class, within 80 m", "By group of classes, within 80 m"]
 
 
 def test_predictions_may_be_clipped_elsewhere():
@@ -137,7 +142,7 @@ def test_whoever_looks_on_sees_every_frame():
     assert [observation.index for observation in seen] == [0, 1]
     assert [observation.sample.frame.stamp_ns for observation in seen] == [5, 6]
     assert [observation.mae_m for observation in seen] == pytest.approx([1.0, 9.0])
-    assert seen[0].geometry_m.shape == (48, 64)
+    assert seen[0].baselines["ground_nearest"].shape == (48, 64)
 
 
 @pytest.mark.parametrize("size", [(32, 24), (128, 96), (64, 47)])
@@ -173,8 +178,8 @@ def test_tables_say_what_was_measured():
     assert [row[0] for row in summary.rows] == ["dense", "semi-dense", "geometry alone"]
     assert summary.rows[0][1:4] == ("1.00", "20.00", "20.00")
     facts = {fact.name: fact.value for fact in facts_of(evaluation)}
-    assert facts["semi-dense coverage"] == "25.0 %"
-    assert "assumed" in facts["camera above the road"]
+    assert facts["semi-dense coverage"] == "25.0 % of the pixels within 80 m"
+    assert "assumed" in facts["camera above the road, for geometry alone"]
     with pytest.raises(EvaluationError, match="2 columns, but 1 cells"):
         Table("odd", ("a", "b"), (("1",),))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.drive import Sample
-from radcam_depth_ros.evaluation.drive import Observation
+from radcam_depth_ros.evaluation.drive import Drive, FrameMeasures, Observation
 from radcam_depth_ros.evaluation.metrics import EvaluationError
 from radcam_depth_ros.evaluation.panels import (
     ERROR_M,
@@ -54,12 +54,15 @@ def make_panel(width=64, height=48, **changes):
     return Panel(**{**values, **changes})
 
 
-def make_observation(index, mae_m=1.0):
+def make_observation(index, mae_m=1.0, bag=""):
     camera = CameraModel(16, 12, 10.0, 10.0, 7.5, 5.5)
     depth = np.full((12, 16), 20.0, np.float32)
     frame = Frame(index, "camera", np.zeros((12, 16, 3), np.uint8), camera, RadarReturns.empty())
     result = DepthResult(index, "camera", camera, depth, depth, depth, 0)
-    return Observation(index, Sample(frame, (), depth, "exact"), result, depth, mae_m)
+    measures = FrameMeasures(np.full((3, 8), mae_m), {}, 1.0, mae_m, 0, 0.1)
+    return Observation(
+        Drive([], bag), index, Sample(frame, (), depth, "exact"), result, {"ground_nearest": depth}, measures
+    )
 
 
 class Page(HTMLParser):
@@ -176,7 +179,7 @@ def test_radar_is_drawn_the_nearest_on_top():
 
 @pytest.mark.parametrize("frames", [0, 1, 3, 10, 11, 57, 1000])
 def test_evenly_spaced_frames_are_kept(frames):
-    keeper = PanelKeeper(5)
+    keeper = PanelKeeper(5, worst=1)
     for index in range(frames):
         keeper.add(make_observation(index, mae_m=float(index == frames // 2)))
         assert len(keeper._kept) <= 10
