@@ -27,5 +27,5 @@ def read_scenario(bag: BagReader, topic: str = SCENARIO_TOPIC) -> Mapping[str, s
     except ValueError:
         values = None
     if not isinstance(values, dict):
-        raise BagError(f"{topic} of {bag.path} must be a JSON object like {{\"weather\": \"rain\"}}, got {text[:60]!r}")
+        raise BagError(f'{topic} of {bag.path} must be a JSON object like {{"weather": "rain"}}, got {text[:60]!r}')
     return {str(name): value for name, value in values.items() if isinstance(value, str) and value}

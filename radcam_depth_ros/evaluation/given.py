@@ -64,7 +64,8 @@ class GivenAccumulator:
     """Looks at what the frames of a drive are made of.
 
     Args:
-        camera_height_m: The height that geometry alone is given where a frame does not know it; None for an assumed one.
+        camera_height_m: The height that geometry alone is given where a frame does not know it; None for an assumed
+            one.
     """
 
     def __init__(self, camera_height_m: float | None) -> None:

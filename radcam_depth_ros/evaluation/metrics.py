@@ -144,12 +144,14 @@ class PixelErrors:
 def clipped(prediction_m: FloatArray, clip_m: float) -> FloatArray:
     """Predictions clipped to (0, clip_m]; a missing one (NaN) counts as clip_m: to leave it out would reward holes."""
     filled = np.where(np.isnan(prediction_m), np.float32(clip_m), prediction_m)
-    return np.clip(filled, np.float32(LEAST_DEPTH_M), np.float32(clip_m))
+    inside: FloatArray = np.clip(filled, np.float32(LEAST_DEPTH_M), np.float32(clip_m))
+    return inside
 
 
 def absolute_error(prediction_m: FloatArray, truth_m: FloatArray, clip_m: float) -> FloatArray:
     """|prediction - truth| in metres; arguments as of `PixelErrors.of`."""
-    return np.abs(clipped(prediction_m, clip_m) - truth_m)
+    error: FloatArray = np.abs(clipped(prediction_m, clip_m) - truth_m)
+    return error
 
 
 def measure(prediction_m: FloatArray, truth_m: FloatArray, clip_m: float) -> npt.NDArray[np.float64]:

@@ -75,8 +75,8 @@ def plots_of(evaluation: Evaluation) -> tuple[Plot, ...]:
 def _sparsification_plot(measure: str, curve: SparsificationCurve, within_m: float) -> Plot:
     removed = [100 * share for share in REMOVED]
     note = (
-        f"Error of what is left when the least confident pixels are left out (within {within_m:g} m). The oracle leaves "
-        f"out the largest errors first; the area between the two (AUSE) is {curve.ause_m:.3f} m."
+        f"Error of what is left when the least confident pixels are left out (within {within_m:g} m). The oracle "
+        f"leaves out the largest errors first; the area between the two (AUSE) is {curve.ause_m:.3f} m."
     )
     curves = (
         Curve("by confidence", removed, curve.by_confidence),

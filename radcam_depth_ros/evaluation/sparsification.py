@@ -42,9 +42,14 @@ class SparsificationCurve:
         return float((0.5 * (gap[1:] + gap[:-1]) * widths).sum())
 
     @property
+    def rise_m(self) -> float:
+        """How much larger the error becomes, at most, from one share to the next, metres; 0 where it never does."""
+        return float(np.diff(self.by_confidence).max(initial=0.0))
+
+    @property
     def falls(self) -> bool:
         """Whether taking away more never makes the error larger."""
-        return bool((np.diff(self.by_confidence) <= 0).all())
+        return self.rise_m == 0.0
 
     def as_json(self) -> dict[str, object]:
         """Plain values."""
@@ -53,6 +58,7 @@ class SparsificationCurve:
             "oracle": [json_number(value) for value in self.oracle],
             "ause": json_number(self.ause_m),
             "falls": self.falls,
+            "rise": json_number(self.rise_m),
         }
 
 
@@ -109,11 +115,13 @@ class SparsificationAccumulator:
         error = absolute_error(depth_m[counts], truth_m[counts], self._range.clip_m)
         square = np.square(error)
         level = (np.clip(np.nan_to_num(confidence[counts]), 0, 1) * (_LEVELS - 1)).astype(np.int64)
-        pixels = np.bincount(level, minlength=_LEVELS)
-        curves = [_remaining_mean(pixels, np.bincount(level, values, minlength=_LEVELS)) for values in (error, square)]
+        pixels = np.bincount(level, minlength=_LEVELS).astype(np.int64)
+        by_level = (np.bincount(level, values, _LEVELS).astype(np.float64) for values in (error, square))
+        curves = [_remaining_mean(pixels, sums) for sums in by_level]
         # In the oracle's order the most confident, last, has the smallest error.
         ordered = np.sort(error)[::-1].astype(np.float64)
-        curves += [_remaining_mean(np.ones_like(ordered), values) for values in (ordered, np.square(ordered))]
+        ones = np.ones(len(ordered), np.int64)
+        curves += [_remaining_mean(ones, values) for values in (ordered, np.square(ordered))]
         by_mae, by_mse, oracle_mae, oracle_mse = curves
         self._sum += [by_mae, oracle_mae, np.sqrt(by_mse), np.sqrt(oracle_mse)]
         self._frames += 1
@@ -126,7 +134,7 @@ class SparsificationAccumulator:
         return Sparsification(self._range.upper_m, self._frames, mae, rmse)
 
 
-def _remaining_mean(pixels: npt.NDArray[np.generic], sums: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _remaining_mean(pixels: npt.NDArray[np.int64], sums: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """The mean of what is left, for each of `REMOVED`.
 
     Where the cut lies within a level its pixels are left in part, each as likely as the others: pixels of one

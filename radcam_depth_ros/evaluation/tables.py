@@ -176,8 +176,8 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     facts.append(Fact("semi-dense coverage", f"{number(100 * evaluation.semi_dense.coverage, 1)} % of the {within}"))
     if evaluation.sparsification.frames:
         curve = evaluation.sparsification.mae
-        order = "falls" if curve.falls else "does not always fall"
-        value = f"AUSE {number(curve.ause_m)} m; the error {order} as less confident pixels are left out"
+        rises = "never raises it" if curve.falls else f"raises it by {number(curve.rise_m, 3)} m at most"
+        value = f"AUSE {number(curve.ause_m)} m of MAE; leaving out another 5 % of the least confident pixels {rises}"
         facts.append(Fact("confidence", value))
     if "ground_nearest" in evaluation.baselines:
         sources = " or ".join(_HEIGHT_SOURCES[name] for name in evaluation.given.camera_height_source.split("+"))
@@ -203,8 +203,8 @@ def _given(given: Given) -> str:
         road = f"the road in {number(100 * given.road_share, 0)} % of the frames: else the camera's height is unknown"
     sizes = ", ".join(given.image_sizes)
     return (
-        f"images of {sizes} px; {least:.0f} to {most:.0f} radar returns in view, {middle:.0f} in the middle ({columns}); "
-        f"{road}"
+        f"images of {sizes} px; {least:.0f} to {most:.0f} radar returns in view, {middle:.0f} in the middle "
+        f"({columns}); {road}"
     )
 
 
