@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,7 +45,7 @@ def app():
     return application
 
 
-def write_drive(path, with_depth=True, depth_delay_ns=0):
+def write_drive(path, with_depth=True, depth_delay_ns=0, scenario=None):
     generator = np.random.default_rng(0)
     points = {name: np.array(values, np.float32) for name, values in (("x", [0.1]), ("y", [0.0]), ("z", [20.0]))}
     depth = np.full((64, 96), 25.0, np.float32)
@@ -51,6 +53,8 @@ def write_drive(path, with_depth=True, depth_delay_ns=0):
     link = StampedTransform("camera", "radar", 0, RigidTransform.identity())
     with BagWriter(path) as bag:
         bag.write("/tf_static", encode_transforms(factory, [link]), 0)
+        if scenario:
+            bag.write("/scenario", factory("std_msgs/msg/String", data=json.dumps(scenario)), 0)
         for index in range(FRAMES):
             stamp = 10**9 + index * 10**8
             image = generator.integers(0, 255, (64, 96, 3), np.uint8)
@@ -88,6 +92,65 @@ def test_a_table_and_files_are_written(tmp_path, model, app):
     assert plain["frames"] == 2
     assert plain["baselines"]["ground_nearest"]["camera_height_source"] == "given"
     assert "error of the dense depth" in page.read_text(encoding="utf-8")
+
+
+def test_several_bags_and_folders_are_one_evaluation(tmp_path, model, app):
+    for seed, weather in ((1, "rain"), (2, "dry"), (3, "rain")):
+        write_drive(tmp_path / "drives" / str(seed), scenario={"weather": weather, "time_of_day": "night"})
+    other = write_drive(tmp_path / "other.mcap")
+    page, lines = tmp_path / "page.html", tmp_path / "frames.csv"
+    options = ["--json", "-", "--csv", str(lines), "--report", str(page), "--limit", "2"]
+    done = CliRunner().invoke(app, [str(tmp_path / "drives"), str(other), "--model", str(model), *options])
+    assert done.exit_code == 0, done.output
+    plain = json.loads(done.stdout)
+    assert plain["frames"] == 8
+    assert [Path(bag).name for bag in plain["bags"]] == ["1", "2", "3", "other.mcap"]
+    assert {name: group["frames"] for name, group in plain["by_bag"].items()} == {"1": 2, "2": 2, "3": 2, "other": 2}
+    assert {name: group["frames"] for name, group in plain["by_weather"].items()} == {"rain": 4, "dry": 2}
+    assert set(plain["baselines"]) == {"ground_nearest", "camera_only", "radar_interpolation"}
+    assert set(MEASURES) <= set(plain["baselines"]["camera_only"]["50"])
+    assert len(plain["sparsification"]["mae"]["by_confidence"]) == 20
+    with lines.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["bag"] for row in rows] == [name for name in ("1", "2", "3", "other") for _ in range(2)]
+    assert [row["time_of_day"] for row in rows] == ["night"] * 6 + [""] * 2
+    mean = np.mean([float(row["mae_80"]) for row in rows])
+    assert mean == pytest.approx(plain["dense"]["80"]["mae"], rel=1e-4)
+    shown = page.read_text(encoding="utf-8")
+    for part in ("By weather", "By bag", "The worst frames", "Sparsification, MAE", "Error over distance", "4 bags"):
+        assert part in shown
+
+
+def test_the_network_may_be_measured_alone(tmp_path, model, app):
+    bag = write_drive(tmp_path / "drive")
+    done = CliRunner().invoke(app, [str(bag), "--model", str(model), "--json", "-", "--no-baselines"])
+    assert json.loads(done.stdout)["baselines"] == {}
+    chosen = ["--json", "-", "--baselines", "radar_interpolation, ground_nearest"]
+    done = CliRunner().invoke(app, [str(bag), "--model", str(model), *chosen])
+    assert list(json.loads(done.stdout)["baselines"]) == ["radar_interpolation", "ground_nearest"]
+    done = CliRunner().invoke(app, [str(bag), "--model", str(model), "--baselines", "guess"])
+    assert isinstance(done.exception, EvaluationError)
+    assert "got 'guess'" in str(done.exception)
+
+
+def test_bags_of_one_name_are_told_apart(tmp_path, model, app):
+    for place in ("a", "b"):
+        write_drive(tmp_path / place / "drive")
+    done = CliRunner().invoke(app, [str(tmp_path), "--model", str(model), "--json", "-", "--no-baselines"])
+    assert set(json.loads(done.stdout)["by_bag"]) == {str(tmp_path / place / "drive") for place in ("a", "b")}
+
+
+def test_a_bag_that_says_nothing_is_named(tmp_path, model, app):
+    write_drive(tmp_path / "good")
+    write_drive(tmp_path / "late", depth_delay_ns=10_000_000)
+    done = CliRunner().invoke(app, [str(tmp_path), "--model", str(model), "--no-baselines"])
+    assert done.exit_code == 0, done.output
+    assert "bags without ground truth within 80 m: late" in done.stdout
+
+
+def test_a_place_without_bags_is_refused(tmp_path, model, app):
+    done = CliRunner().invoke(app, [str(tmp_path), "--model", str(model)])
+    assert "there is no bag at" in str(done.exception)
 
 
 def test_without_ground_truth_the_sentence_says_what_would_serve(tmp_path, model, app):

@@ -9,8 +9,9 @@ import pytest
 
 from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.evaluation.baselines import ASSUMED_HEIGHT_M
-from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive, resize_result
+from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, evaluate_drive, evaluate_drives, resize_result
 from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
+from radcam_depth_ros.evaluation.plots import plots_of
 from radcam_depth_ros.evaluation.summary import Latency
 from radcam_depth_ros.evaluation.tables import Table, facts_of, tables_of
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, GroundPlane, RadarReturns
@@ -134,6 +135,78 @@ def test_predictions_may_be_clipped_elsewhere():
 def test_impossible_settings_are_refused(setting):
     with pytest.raises(EvaluationError, match="positive number of metres"):
         EvaluationSettings(**setting)
+
+
+def test_all_frames_of_all_drives_count_alike():
+    drives = [
+        Drive([make_sample(20.0), make_sample(22.0)], "a", {"weather": "rain", "mood": "good"}),
+        Drive(iter([make_sample(25.0)]), "b", {"weather": "dry"}),
+    ]
+    seen = []
+    evaluation = evaluate_drives(drives, result_of, observe=seen.append)
+    assert evaluation.frames == 3
+    assert evaluation.dense.within(80).mae == pytest.approx((1.0 + 1.0 + 4.0) / 3)
+    assert [(observation.drive.name, observation.index) for observation in seen] == [("a", 0), ("a", 1), ("b", 0)]
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))
+    assert {name: plain["by_bag"][name]["mae"] for name in ("a", "b")} == pytest.approx({"a": 1.0, "b": 4.0})
+    assert plain["by_weather"]["rain"]["frames"] == 2
+    assert plain["by_weather"]["dry"]["baselines"]["ground_nearest"]["frames"] == 1
+    assert list(plain["by_returns"]) == ["1-10"]
+    assert "by_mood" not in plain
+    titles = [table.title for table in tables_of(evaluation)]
+    assert titles[-2:] == ["By weather, within 80 m", "By bag, within 80 m"]
+
+
+def test_baselines_are_measured_on_the_same_frames():
+    def by_radar(frame):
+        return result_of(frame, 21.0 if len(frame.radar) else 26.0)
+
+    settings = EvaluationSettings(baselines=("ground_nearest", "camera_only", "radar_interpolation"))
+    seen = []
+    evaluation = evaluate_drive([make_sample(20.0)], by_radar, settings, seen.append)
+    assert evaluation.dense.within(80).mae == pytest.approx(1.0)
+    assert evaluation.baselines["camera_only"].within(80).mae == pytest.approx(6.0)
+    # The one return is at 15 m.
+    assert evaluation.baselines["radar_interpolation"].within(80).mae == pytest.approx(5.0, rel=1e-4)
+    assert set(evaluation.as_json()["baselines"]) == set(settings.baselines) == set(seen[0].baselines)
+    rows = {row[0]: row[3] for row in tables_of(evaluation)[0].rows}
+    assert (rows["camera alone"], rows["radar alone"]) == ("6.00", "5.00")
+    note = tables_of(evaluation)[0].note
+    assert "the same network without any radar return" in note
+
+
+def test_depth_that_is_read_cannot_be_without_radar():
+    def recorded(frame):
+        return result_of(frame) if len(frame.radar) else None
+
+    with pytest.raises(EvaluationError, match="leave it out where depth is not estimated"):
+        evaluate_drive([make_sample()], recorded, EvaluationSettings(baselines=("camera_only",)))
+
+
+def test_unknown_baselines_are_refused():
+    with pytest.raises(EvaluationError, match=r"one of ground_nearest, .* got 'magic'"):
+        EvaluationSettings(baselines=("magic",))
+
+
+def test_what_the_network_was_given_is_said():
+    told = {fact.name: fact.value for fact in facts_of(evaluate_drive([make_sample()], result_of))}
+    assert "64 x 48 px" in told["the network was given"]
+    assert "1 to 1 radar returns in view" in told["the network was given"]
+    assert "camera's height above it is unknown" in told["the network was given"]
+    known = evaluate_drive([make_sample(ground=GroundPlane(1.5)), make_sample()], result_of)
+    assert (
+        "the road in 50 % of the frames" in {fact.name: fact.value for fact in facts_of(known)}["the network was given"]
+    )
+
+
+def test_the_confidence_is_measured():
+    evaluation = evaluate_drive([make_sample(20.0)], result_of)
+    assert evaluation.sparsification.frames == 1
+    assert evaluation.sparsification.mae.ause_m == pytest.approx(0.0, abs=1e-6)
+    assert any(fact.name == "confidence" and "AUSE 0.00 m" in fact.value for fact in facts_of(evaluation))
+    assert [plot.title for plot in plots_of(evaluation)] == [
+        *("Error over distance", "Sparsification, MAE", "Sparsification, RMSE"),
+    ]
 
 
 def test_whoever_looks_on_sees_every_frame():
