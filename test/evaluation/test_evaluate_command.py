@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 
 from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.cli.evaluate import evaluate
+from radcam_depth_ros.cli.options import load_estimator
 from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
@@ -36,6 +38,18 @@ def model(tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "untrained.safetensors"
     archive.save(network, archive.Card.of(network, "baff", "nothing"), path)
     return path
+
+
+@pytest.fixture(scope="module")
+def estimator(model):
+    return load_estimator("baff", model, "cpu", "float32")
+
+
+@pytest.fixture
+def loaded(monkeypatch, estimator):
+    """Loading takes longer than measuring a few frames: it is done once."""
+    # By sys.modules: the package has a function of the module's name.
+    monkeypatch.setattr(sys.modules[evaluate.__module__], "load_estimator", lambda *_: estimator)
 
 
 @pytest.fixture
@@ -80,11 +94,11 @@ def test_json_alone_goes_to_standard_output(tmp_path, model, app):
     assert "evaluating" in done.stderr
 
 
-def test_a_table_and_files_are_written(tmp_path, model, app):
+def test_a_table_and_files_are_written(tmp_path, loaded, app):
     bag = write_drive(tmp_path / "drive.mcap")
     page, measures = tmp_path / "out" / "page.html", tmp_path / "out" / "measures.json"
     options = ["--report", str(page), "--json", str(measures), "--limit", "2", "--camera-height", "1.7"]
-    done = CliRunner().invoke(app, [str(bag), "--model", str(model), *options])
+    done = CliRunner().invoke(app, [str(bag), *options])
     assert done.exit_code == 0, done.output
     assert "geometry alone" in done.stdout
     assert "1.70 m (as given)" in done.stdout
@@ -94,13 +108,13 @@ def test_a_table_and_files_are_written(tmp_path, model, app):
     assert "error of the dense depth" in page.read_text(encoding="utf-8")
 
 
-def test_several_bags_and_folders_are_one_evaluation(tmp_path, model, app):
+def test_several_bags_and_folders_are_one_evaluation(tmp_path, loaded, app):
     for seed, weather in ((1, "rain"), (2, "dry"), (3, "rain")):
         write_drive(tmp_path / "drives" / str(seed), scenario={"weather": weather, "time_of_day": "night"})
     other = write_drive(tmp_path / "other.mcap")
     page, lines = tmp_path / "page.html", tmp_path / "frames.csv"
     options = ["--json", "-", "--csv", str(lines), "--report", str(page), "--limit", "2"]
-    done = CliRunner().invoke(app, [str(tmp_path / "drives"), str(other), "--model", str(model), *options])
+    done = CliRunner().invoke(app, [str(tmp_path / "drives"), str(other), *options])
     assert done.exit_code == 0, done.output
     plain = json.loads(done.stdout)
     assert plain["frames"] == 8
@@ -121,35 +135,35 @@ def test_several_bags_and_folders_are_one_evaluation(tmp_path, model, app):
         assert part in shown
 
 
-def test_the_network_may_be_measured_alone(tmp_path, model, app):
+def test_the_network_may_be_measured_alone(tmp_path, loaded, app):
     bag = write_drive(tmp_path / "drive")
-    done = CliRunner().invoke(app, [str(bag), "--model", str(model), "--json", "-", "--no-baselines"])
+    done = CliRunner().invoke(app, [str(bag), "--json", "-", "--no-baselines"])
     assert json.loads(done.stdout)["baselines"] == {}
     chosen = ["--json", "-", "--baselines", "radar_interpolation, ground_nearest"]
-    done = CliRunner().invoke(app, [str(bag), "--model", str(model), *chosen])
+    done = CliRunner().invoke(app, [str(bag), *chosen])
     assert list(json.loads(done.stdout)["baselines"]) == ["radar_interpolation", "ground_nearest"]
-    done = CliRunner().invoke(app, [str(bag), "--model", str(model), "--baselines", "guess"])
+    done = CliRunner().invoke(app, [str(bag), "--baselines", "guess"])
     assert isinstance(done.exception, EvaluationError)
     assert "got 'guess'" in str(done.exception)
 
 
-def test_bags_of_one_name_are_told_apart(tmp_path, model, app):
+def test_bags_of_one_name_are_told_apart(tmp_path, loaded, app):
     for place in ("a", "b"):
         write_drive(tmp_path / place / "drive")
-    done = CliRunner().invoke(app, [str(tmp_path), "--model", str(model), "--json", "-", "--no-baselines"])
+    done = CliRunner().invoke(app, [str(tmp_path), "--json", "-", "--no-baselines"])
     assert set(json.loads(done.stdout)["by_bag"]) == {str(tmp_path / place / "drive") for place in ("a", "b")}
 
 
-def test_a_bag_that_says_nothing_is_named(tmp_path, model, app):
+def test_a_bag_that_says_nothing_is_named(tmp_path, loaded, app):
     write_drive(tmp_path / "good")
     write_drive(tmp_path / "late", depth_delay_ns=10_000_000)
-    done = CliRunner().invoke(app, [str(tmp_path), "--model", str(model), "--no-baselines"])
+    done = CliRunner().invoke(app, [str(tmp_path), "--no-baselines"])
     assert done.exit_code == 0, done.output
     assert "bags without ground truth within 80 m: late" in done.stdout
 
 
-def test_a_place_without_bags_is_refused(tmp_path, model, app):
-    done = CliRunner().invoke(app, [str(tmp_path), "--model", str(model)])
+def test_a_place_without_bags_is_refused(tmp_path, app):
+    done = CliRunner().invoke(app, [str(tmp_path)])
     assert "there is no bag at" in str(done.exception)
 
 
@@ -161,10 +175,10 @@ def test_without_ground_truth_the_sentence_says_what_would_serve(tmp_path, model
         assert part in str(done.exception)
 
 
-def test_ground_truth_that_fits_no_image_is_refused(tmp_path, model, app):
+def test_ground_truth_that_fits_no_image_is_refused(tmp_path, loaded, app):
     bag = write_drive(tmp_path / "drive", depth_delay_ns=10_000_000)
     page = tmp_path / "page.html"
-    done = CliRunner().invoke(app, [str(bag), "--model", str(model), "--report", str(page)])
+    done = CliRunner().invoke(app, [str(bag), "--report", str(page)])
     assert isinstance(done.exception, EvaluationError)
     assert "must have an image's stamp" in str(done.exception)
     assert not page.exists()
