@@ -16,7 +16,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.training.fit import FitResult, StepReport, TrainingData, ValidationReport
+    from radcam_depth_ros.training.fit import FitResult, TrainingData
+    from radcam_depth_ros.training.observer import StepReport, ValidationReport
     from radcam_depth_ros.training.plan import RunPlan
     from radcam_depth_ros.training.validation import ValidationResult
 

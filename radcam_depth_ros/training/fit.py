@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
 
 import torch
 from torch.nn.utils import clip_grad_norm_
@@ -24,6 +23,7 @@ from radcam_depth_ros.training.gradients import optimiser_of, share_gradients
 from radcam_depth_ros.training.initial import blend, load_initial
 from radcam_depth_ros.training.losses import total_loss
 from radcam_depth_ros.training.normalisation import freeze_statistics, join_batch_norms
+from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
@@ -60,55 +60,6 @@ class TrainingData:
         """Height and width that some image of each kind has: larger crops would show nothing there."""
         sizes = [samples.largest for samples in (self.train, self.rehearsal) if samples is not None]
         return min(height for height, _ in sizes), min(width for _, width in sizes)
-
-
-@dataclass(frozen=True)
-class StepReport:
-    """What an observer is told after each iteration.
-
-    Attributes:
-        step: Iterations done.
-        progress: Share of the run that is done, 0 to 1.
-        loss: Mean of the total loss over the last iterations.
-        iterations_per_second: Over the last iterations.
-        best_score: Lowest validation score so far, metres.
-    """
-
-    step: int
-    progress: float
-    loss: float
-    iterations_per_second: float
-    best_score: float
-
-
-@dataclass(frozen=True)
-class ValidationReport:
-    """What an observer is told after each validation.
-
-    Attributes:
-        step: Iterations done.
-        result: On the validation samples.
-        rehearsal: On those of a former training, where it is rehearsed.
-        is_best: Whether these are the best weights so far.
-    """
-
-    step: int
-    result: ValidationResult
-    rehearsal: ValidationResult | None
-    is_best: bool
-
-
-class Observer(Protocol):
-    """Follows a run: a progress bar, or nothing."""
-
-    def on_step(self, report: StepReport) -> None:
-        """After each iteration."""
-
-    def on_validation(self, report: ValidationReport) -> None:
-        """After each validation."""
-
-    def on_note(self, text: str) -> None:
-        """When something happened that a user should know."""
 
 
 @dataclass(frozen=True)

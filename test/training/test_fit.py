@@ -14,8 +14,9 @@ from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs
 from radcam_depth_ros.training.augmentation import AugmentationConfig
 from radcam_depth_ros.training.batches import SampleSet
 from radcam_depth_ros.training.curves import read_metrics
-from radcam_depth_ros.training.fit import FitResult, StepReport, Trainer, TrainingData, ValidationReport
+from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.losses import LossConfig
+from radcam_depth_ros.training.observer import StepReport, ValidationReport
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
 from radcam_depth_ros.training.samples import CachedDrive, TrainingError
 
