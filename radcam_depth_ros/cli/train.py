@@ -5,19 +5,20 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-import yaml
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.training.fit import FitResult, StepReport, TrainingData
-    from radcam_depth_ros.training.recipe import TrainingConfig
+    from radcam_depth_ros.training.fit import FitResult, TrainingData
+    from radcam_depth_ros.training.observer import StepReport, ValidationReport
+    from radcam_depth_ros.training.plan import RunPlan
     from radcam_depth_ros.training.validation import ValidationResult
 
 STOPPED = 130
@@ -33,10 +34,17 @@ def train(
         list[Path] | None, typer.Option(help="Bags to choose the best weights by; else some of --bags are held out.")
     ] = None,
     config: Annotated[
-        Path | None, typer.Option(help="Recipe; its defaults are those of config/train/baff.yaml.")
+        Path | None,
+        typer.Option(
+            help="Recipe; its defaults are those of config/train/baff.yaml. With --init alone: fine_tune.yaml."
+        ),
     ] = None,
     init: Annotated[
         str | None, typer.Option(help="Weights to start from: a network's name, or a file; else they are random.")
+    ] = None,
+    rehearsal_bags: Annotated[
+        list[Path] | None,
+        typer.Option(help="Bags to rehearse, so that nothing is forgotten; simulated if the recipe asks for some."),
     ] = None,
     minutes: Annotated[
         float | None, typer.Option(min=0.01, help="Time limit; the schedule is fitted to it. Resuming counts on.")
@@ -55,42 +63,53 @@ def train(
 ) -> None:
     """Fits a network on bags that have ground truth: simulated drives, or recordings with a LiDAR.
 
-    Ctrl-C stops with a checkpoint; --resume goes on from there as if nothing had happened.
+    Ctrl-C stops with a checkpoint; --resume goes on from there as if nothing had happened. Several processes share the
+    work when torchrun starts them.
 
     Example: radcam-depth simulate out/drives/0 --seed 0 --frames 20 &&
     radcam-depth train --bags out/drives --out out/run --minutes 1
     """
-    from radcam_depth_ros import configuration
-    from radcam_depth_ros.files import write_text
-    from radcam_depth_ros.training.fit import RUN_FILE, Limits, Trainer
-    from radcam_depth_ros.training.recipe import TrainingConfig
+    from radcam_depth_ros.training.checkpoint import before
+    from radcam_depth_ros.training.fit import CHECKPOINT, Trainer
+    from radcam_depth_ros.training.plan import RunPlan
+    from radcam_depth_ros.training.ranks import joined
     from radcam_depth_ros.training.samples import TrainingError
 
-    console = Console(stderr=True)
-    given = [*(bags or []), *(more_bags or [])]
-    if resume:
-        if given or validation_bags or config or init or seed is not None:
+    with joined() as ranks:
+        console = Console(stderr=True, quiet=not ranks.is_first)
+        given = [*(bags or []), *(more_bags or [])]
+        if not resume:
+            plan = _new_plan(out, network, given, validation_bags or [], rehearsal_bags or [], config, cache, init)
+        elif given or validation_bags or rehearsal_bags or config or init or seed is not None:
             raise TrainingError(
                 "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
-                "--config, --init and --seed out"
+                "--rehearsal-bags, --config, --init and --seed out"
             )
-        plan = _read_plan(out)
-    else:
-        plan = _new_plan(out, network, given, validation_bags or [], config, cache, seed, init)
-    if iterations is not None:
-        plan["config"]["iterations"] = iterations
-    if minutes is not None:
-        plan["minutes"] = minutes
-    recipe = configuration.build(TrainingConfig, plan["config"], str(out / RUN_FILE))
-    with _progress(console) as progress:
-        data = _load(plan, recipe, processes, progress)
-        write_text(out / RUN_FILE, yaml.safe_dump(plan, sort_keys=False))
-        console.print(f"training {plan['network']} on {data.description}; validating on {len(data.validation)}")
-        with _stop_signals() as stop:
-            observer = _Display(progress)
-            trainer = Trainer(plan["network"], data, recipe, out, observer, resume, init)
-            result = trainer.run(Limits(plan["minutes"], stop.is_set))
-    _finish(result, out, console)
+        else:
+            plan = RunPlan.read(out)
+        recipe = replace(
+            plan.config,
+            iterations=iterations or plan.config.iterations,
+            minutes=minutes or plan.config.minutes,
+            seed=plan.config.seed if seed is None else seed,
+        )
+        # What was measured is kept: a resumed run computes as it did before.
+        plan = ranks.of_first(replace(plan, config=recipe.with_measured_precision()))
+        with _progress(console) as progress:
+            with ranks.first_goes_ahead():
+                data = _load(plan, processes, progress)
+            if ranks.is_first:
+                plan.write(out)
+            console.print(f"training {plan.network} on {data.description}; validating on {len(data.validation)}")
+            with _stop_signals() as stop:
+                # A run that was cut off before its first checkpoint begins again.
+                has_checkpoint = (out / CHECKPOINT).is_file() or before(out / CHECKPOINT).is_file()
+                observer = _Display(progress)
+                trainer = Trainer(
+                    plan.network, data, plan.config, out, observer, resume and has_checkpoint, plan.init, ranks
+                )
+                result = trainer.run(stop.is_set)
+        _finish(result, out, console)
 
 
 class _Display:
@@ -105,12 +124,22 @@ class _Display:
         status = f"{report.step} it, {report.iterations_per_second:.2f} it/s, loss {report.loss:.3f}{best}"
         self._progress.update(self._task, completed=report.progress, status=status)
 
-    def on_validation(self, step: int, result: ValidationResult, is_best: bool) -> None:
-        self._progress.console.print(
-            f"{step:7d} it: dense MAE {result.mae_50_m:.2f} / {result.mae_80_m:.2f} m, RMSE {result.rmse_50_m:.2f} / "
-            f"{result.rmse_80_m:.2f} m (50 / 80 m); semi-dense {100 * result.semi_dense_share:.1f} %, "
-            f"MAE {result.semi_dense_mae_m:.2f} m{' *' if is_best else ''}"
-        )
+    def on_validation(self, report: ValidationReport) -> None:
+        parts = [_figures(report.result)]
+        if report.rehearsal is not None:
+            parts.append(f"rehearsed: {_figures(report.rehearsal)}")
+        self.on_note(f"{report.step:7d} it: {'; '.join(parts)}{' *' if report.is_best else ''}")
+
+    def on_note(self, text: str) -> None:
+        self._progress.console.print(text)
+
+
+def _figures(result: ValidationResult) -> str:
+    return (
+        f"dense MAE {result.mae_50_m:.2f} / {result.mae_80_m:.2f} m, RMSE {result.rmse_50_m:.2f} / "
+        f"{result.rmse_80_m:.2f} m (50 / 80 m), semi-dense {100 * result.semi_dense_share:.1f} %, MAE "
+        f"{result.semi_dense_mae_m:.2f} m"
+    )
 
 
 def _new_plan(
@@ -118,80 +147,79 @@ def _new_plan(
     network: str,
     bags: list[Path],
     validation_bags: list[Path],
+    rehearsal_bags: list[Path],
     config: Path | None,
     cache: Path | None,
-    seed: int | None,
     init: str | None,
-) -> dict[str, Any]:
-    """What a run is made of, as its run.yaml has it."""
+) -> RunPlan:
     from radcam_depth_ros import configuration
     from radcam_depth_ros.networks import archive, registry
     from radcam_depth_ros.training.data import find_bags
-    from radcam_depth_ros.training.fit import RUN_FILE
-    from radcam_depth_ros.training.recipe import TrainingConfig
+    from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
+    from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig
     from radcam_depth_ros.training.samples import TrainingError
 
     if not bags:
         raise TrainingError("give the bags to train on: --bags FOLDER")
     if (out / RUN_FILE).exists():
         raise TrainingError(f"{out} already holds a run; give --resume to go on with it, or another --out")
-    recipe = configuration.load(TrainingConfig, config) if config else TrainingConfig()
-    mapping = configuration.as_mapping(recipe)
-    if seed is not None:
-        mapping["seed"] = seed
+    recipe = TrainingConfig() if init is None else FINE_TUNING
+    if config is not None:
+        recipe = configuration.load(TrainingConfig, config)
     if init is not None:
         # The architecture of the weights, tau among it, but for what the recipe says.
-        mapping["architecture"] = {**archive.load(init).card.architecture, **mapping["architecture"]}
-    registry.create_config(network, mapping["architecture"])
-    return {
-        "network": network,
-        "bags": [str(bag.resolve()) for bag in find_bags(bags)],
-        "validation_bags": [str(bag.resolve()) for bag in find_bags(validation_bags)],
-        "cache": str((cache or out / "cache").resolve()),
-        "minutes": None,
-        "config": mapping,
-    }
+        recipe = replace(recipe, architecture={**archive.load(init).card.architecture, **recipe.architecture})
+        # A file is found again wherever a run is resumed from.
+        init = init if init in registry.names() else str(Path(init).resolve())
+    registry.create_config(network, recipe.architecture)
+    if rehearsal_bags and not recipe.rehearsal.share:
+        raise TrainingError("--rehearsal-bags need a share in the recipe: set rehearsal.share, 0.5 for example")
+    found, held_out, rehearsed = (
+        tuple(str(bag.resolve()) for bag in find_bags(places)) for places in (bags, validation_bags, rehearsal_bags)
+    )
+    return RunPlan(network, recipe, found, held_out, rehearsed, str((cache or out / "cache").resolve()), init)
 
 
-def _read_plan(out: Path) -> dict[str, Any]:
-    from radcam_depth_ros.training.fit import RUN_FILE
-    from radcam_depth_ros.training.samples import TrainingError
-
-    path = out / RUN_FILE
-    try:
-        plan = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError):
-        raise TrainingError(f"{out} holds no run to resume: {path} is missing or damaged") from None
-    keys = {"network", "bags", "validation_bags", "cache", "minutes", "config"}
-    if not isinstance(plan, dict) or set(plan) != keys:
-        raise TrainingError(f"{path} must hold {', '.join(sorted(keys))}; it was changed by hand, start another run")
-    return plan
-
-
-def _load(plan: dict[str, Any], recipe: TrainingConfig, processes: int, progress: Progress) -> TrainingData:
+def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
     from radcam_depth_ros.networks import registry
     from radcam_depth_ros.training.cache import CacheSettings
-    from radcam_depth_ros.training.data import load_data
+    from radcam_depth_ros.training.data import load_data, with_rehearsal
+    from radcam_depth_ros.training.rehearsal import rehearsal_drives
 
-    architecture = registry.create_config(plan["network"], recipe.architecture)
+    recipe, cache = plan.config, Path(plan.cache)
+    architecture = registry.create_config(plan.network, recipe.architecture)
     settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m)
-    bags = [Path(bag) for bag in plan["bags"]]
-    validation_bags = [Path(bag) for bag in plan["validation_bags"]]
-    task = progress.add_task("samples", total=len(bags) + len(validation_bags), status="")
+    bags, validation_bags, rehearsal_bags = (
+        [Path(bag) for bag in group] for group in (plan.bags, plan.validation_bags, plan.rehearsal_bags)
+    )
+    if recipe.rehearsal.share and not rehearsal_bags:
+        simulated = progress.add_task("simulating drives to rehearse", total=recipe.rehearsal.drives, status="")
+        rehearsal_bags = list(
+            rehearsal_drives(
+                recipe.rehearsal, cache / "rehearsal", processes, lambda: progress.update(simulated, advance=1)
+            )
+        )
+    task = progress.add_task("samples", total=len(bags) + len(validation_bags) + len(rehearsal_bags), status="")
 
     def on_bag(bag: Path) -> None:
         progress.update(task, advance=1, status=bag.name)
 
-    return load_data(
-        bags, validation_bags, recipe.validation.hold_out, Path(plan["cache"]), settings, processes, on_bag
-    )
+    data = load_data(bags, validation_bags, recipe.validation.hold_out, cache, settings, processes, on_bag)
+    if plan.init is not None:
+        data = replace(data, description=f"{data.description}, from the weights of {Path(plan.init).stem}")
+    if rehearsal_bags:
+        data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, cache, settings, processes, on_bag)
+    return data
 
 
 def _finish(result: FitResult, out: Path, console: Console) -> None:
     if not result.finished:
         console.print(f"stopped at iteration {result.state.step}; go on with: radcam-depth train --out {out} --resume")
         raise typer.Exit(STOPPED)
-    console.print(f"{result.archive}: validation MAE at 80 m {result.state.best_score:.3f} m")
+    console.print(
+        f"{result.archive}: validation MAE at 80 m {result.state.best_score:.3f} m, of iteration "
+        f"{result.state.best_step}; curves are in {out}"
+    )
 
 
 def _progress(console: Console) -> Progress:

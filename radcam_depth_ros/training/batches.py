@@ -19,6 +19,7 @@ from torch import Tensor
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import ground_coefficients
 from radcam_depth_ros.training.augmentation import AugmentationConfig, augment
+from radcam_depth_ros.training.order import Order, rehearsals_before
 from radcam_depth_ros.training.samples import RADAR_COLUMNS, CachedDrive, TrainingError, TrainingSample
 
 POINTS_MULTIPLE = 16
@@ -138,45 +139,62 @@ class BatchMaker:
         samples: What there is.
         config: Augmentation.
         seed: Of order and augmentation.
+        rehearsal: Samples that are mixed in.
+        rehearsal_share: Share of these among all.
     """
 
-    def __init__(self, samples: SampleSet, config: AugmentationConfig, seed: int) -> None:
+    def __init__(
+        self,
+        samples: SampleSet,
+        config: AugmentationConfig,
+        seed: int,
+        rehearsal: SampleSet | None = None,
+        rehearsal_share: float = 0.0,
+    ) -> None:
         self._samples = samples
         self._config = config
         self._seed = seed
-        self._orders: dict[int, npt.NDArray[np.int64]] = {}
+        self._order = Order(len(samples), (seed, 0))
+        self._rehearsal = rehearsal
+        self._share = rehearsal_share if rehearsal is not None else 0.0
+        self._rehearsal_order = Order(len(rehearsal or samples), (seed, 2))
 
     def make(self, position: int, count: int, size: tuple[int, int]) -> Batch:
         """The batch of the samples number `position` to `position + count`, cropped to `size` (height, width)."""
         samples, images = [], []
         for place in range(position, position + count):
             rng = np.random.default_rng((self._seed, 1, place))
-            sample, image = augment(self._samples[self._index(place)], size, self._config, rng)
+            sample, image = augment(self._sample(place), size, self._config, rng)
             samples.append(sample)
             images.append(image)
         return collate(samples, images)
 
-    def _index(self, place: int) -> int:
-        epoch, offset = divmod(place, len(self._samples))
-        order = self._orders.get(epoch)
-        if order is None:
-            order = np.random.default_rng((self._seed, 0, epoch)).permutation(len(self._samples))
-            # Batches are made ahead across the end of an epoch: two orders are in use at once.
-            self._orders = {key: value for key, value in self._orders.items() if key >= epoch - 1}
-            self._orders[epoch] = order
-        return int(order[offset])
+    def _sample(self, place: int) -> TrainingSample:
+        before = rehearsals_before(place, self._share)
+        if self._rehearsal is not None and rehearsals_before(place + 1, self._share) > before:
+            return self._rehearsal[self._rehearsal_order.index(before)]
+        return self._samples[self._order.index(place - before)]
 
 
 def prefetch(
-    maker: BatchMaker, position: int, count: int, size: tuple[int, int], pool: ThreadPoolExecutor, ahead: int
+    maker: BatchMaker,
+    position: int,
+    count: int,
+    size: tuple[int, int],
+    pool: ThreadPoolExecutor,
+    ahead: int,
+    step: int = 0,
 ) -> Generator[Batch, None, None]:
-    """Endless batches from `position` on, `ahead` of them in the making in the pool's threads."""
+    """Endless batches from `position` on, one every `step` (by default `count`) samples.
+
+    `ahead` of them are in the making in the pool's threads.
+    """
     waiting: deque[Future[Batch]] = deque()
     try:
         while True:
             while len(waiting) < ahead:
                 waiting.append(pool.submit(maker.make, position, count, size))
-                position += count
+                position += step or count
             yield waiting.popleft().result()
     finally:
         for future in waiting:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -60,6 +60,9 @@ class RunState:
         elapsed_s: Seconds trained, over all resumptions.
         best_score: Lowest validation score so far.
         best_step: When that was.
+        validated_step: When weights were last judged; -1 for never.
+        worse: Validations since the best one.
+        skipped: Iterations in a row whose gradient was not finite.
         samples: Number of training samples: another number means other data.
         recent: Losses since the last line of the record, so that a resumed record is the same.
     """
@@ -69,6 +72,9 @@ class RunState:
     elapsed_s: float = 0.0
     best_score: float = float("inf")
     best_step: int = 0
+    validated_step: int = -1
+    worse: int = 0
+    skipped: int = 0
     samples: int = 0
     recent: RecentLosses = field(default_factory=RecentLosses)
 
@@ -97,51 +103,89 @@ class AveragedWeights(Generic[NetworkT]):
                 averaged[name].copy_(value)
 
 
-def save_checkpoint(
-    path: Path,
-    state: RunState,
-    network: nn.Module,
-    averaged: AveragedWeights[Any],
-    optimiser: torch.optim.Optimizer,
-) -> None:
-    """Writes all that a run needs to go on exactly as it would have.
+@dataclass(frozen=True)
+class Working:
+    """What changes while a network is trained, besides the run's state.
+
+    Attributes:
+        network: The network.
+        averaged: Moving average of its weights.
+        optimiser: The optimiser.
+        initial: Weights that the training started from, where they are needed again.
+    """
+
+    network: nn.Module
+    averaged: AveragedWeights[Any]
+    optimiser: torch.optim.Optimizer
+    initial: dict[str, Tensor] = field(default_factory=dict)
+
+
+def save_checkpoint(path: Path, state: RunState, working: Working) -> None:
+    """Writes all that a run needs to go on exactly as it would have; the checkpoint before it is kept beside it.
 
     Raises:
         TrainingError: when it cannot be written; the checkpoint before it is intact.
     """
     content = {
         "state": asdict(state),
-        "network": network.state_dict(),
-        "averaged": averaged.network.state_dict(),
-        "optimiser": optimiser.state_dict(),
+        "network": working.network.state_dict(),
+        "averaged": working.averaged.network.state_dict(),
+        "optimiser": working.optimiser.state_dict(),
+        "initial": working.initial,
         "torch_rng": torch.get_rng_state(),
     }
     with whole(path) as partial:
         try:
             torch.save(content, partial)
         except RuntimeError as error:  # what torch makes of a full disk
-            raise TrainingError(f"cannot write {path} ({str(error).splitlines()[0]}); is the disk full?") from None
+            raise TrainingError(
+                f"cannot write {path} ({str(error).splitlines()[0]}); is the disk full? The checkpoint before it is "
+                "intact: make room and go on with --resume"
+            ) from None
+        if path.is_file():
+            path.replace(before(path))
 
 
-def load_checkpoint(
-    path: Path, network: nn.Module, averaged: AveragedWeights[Any], optimiser: torch.optim.Optimizer
-) -> RunState:
-    """Restores a run.
+def load_checkpoint(path: Path, working: Working, on_note: Callable[[str], None] = lambda text: None) -> RunState:
+    """Restores a run, from the checkpoint before where the last one is damaged.
+
+    Args:
+        path: The checkpoint.
+        working: What is given its values.
+        on_note: Told when the last one was damaged.
 
     Raises:
-        TrainingError: when the file is missing, damaged, or of another network.
+        TrainingError: when there is none, or none that can be read and is of this network.
     """
-    if not path.is_file():
+    found = [file for file in (path, before(path)) if file.is_file()]
+    if not found:
         raise TrainingError(f"there is no checkpoint {path} to resume; leave --resume out to start a run")
-    try:
-        content: Mapping[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        state = RunState(**{**content["state"], "recent": RecentLosses(**content["state"]["recent"])})
-        network.load_state_dict(content["network"])
-        averaged.network.load_state_dict(content["averaged"])
-        optimiser.load_state_dict(content["optimiser"])
-        rng: Tensor = content["torch_rng"]
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise TrainingError(f"the checkpoint {path} cannot be resumed: {reason}") from None
+    reasons = []
+    for file in found:
+        try:
+            state = _load(file, working)
+        except (OSError, RuntimeError, KeyError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
+            reasons.append(" ".join(str(error).split())[:200])
+            continue
+        if reasons:
+            on_note(f"{path} is damaged ({reasons[0]}); going on from {file.name}, iteration {state.step}")
+        return state
+    raise TrainingError(f"the checkpoint {path} cannot be resumed: {reasons[0]}")
+
+
+def before(path: Path) -> Path:
+    """Where the checkpoint before the last one is kept."""
+    return path.with_name(f"{path.stem}.before{path.suffix}")
+
+
+def _load(path: Path, working: Working) -> RunState:
+    content: Mapping[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    state = RunState(**{**content["state"], "recent": RecentLosses(**content["state"]["recent"])})
+    working.network.load_state_dict(content["network"])
+    working.averaged.network.load_state_dict(content["averaged"])
+    working.optimiser.load_state_dict(content["optimiser"])
+    working.initial.clear()
+    working.initial.update(content["initial"])
+    rng: Tensor = content["torch_rng"]
     torch.set_rng_state(rng)
     return state

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from radcam_depth_ros.training.batches import SampleSet
 from radcam_depth_ros.training.cache import CacheSettings, cached_drives
 from radcam_depth_ros.training.fit import TrainingData
+from radcam_depth_ros.training.rehearsal import RehearsalConfig
 from radcam_depth_ros.training.samples import TrainingError
 
 FIRST_TEST_SEED = 1_000_000
@@ -94,6 +96,37 @@ def load_data(
     names = ", ".join(sorted({bag.parent.name if bag.is_file() else bag.name for bag in bags})[:4])
     description = f"{len(train)} frames of {len(bags)} bags ({names})"
     return TrainingData(train, validation, description)
+
+
+def with_rehearsal(
+    data: TrainingData,
+    bags: Sequence[Path],
+    config: RehearsalConfig,
+    cache: Path,
+    settings: CacheSettings,
+    processes: int = 1,
+    on_bag: Callable[[Path], None] = lambda bag: None,
+) -> TrainingData:
+    """The same data with bags to rehearse, of which the last are held out to see what is forgotten.
+
+    Args:
+        data: To train on besides.
+        bags: To rehearse.
+        config: How much is held out.
+        cache: As in `load_data`, and so are the others.
+        settings: See `cache`.
+        processes: See `cache`.
+        on_bag: See `cache`.
+    """
+    refuse_test_drives(bags)
+    drives = cached_drives(bags, cache, settings, processes, on_bag)
+    if len(drives) > 1:
+        last = max(1, round(config.hold_out * len(drives)))
+        train, validation = SampleSet.of(drives[:-last]), SampleSet.of(drives[-last:])
+    else:
+        train, validation = SampleSet.of(drives).split(config.hold_out)
+    description = f"{data.description}, rehearsing {len(train)} frames as {100 * config.share:.0f} % of all"
+    return replace(data, rehearsal=train, rehearsal_validation=validation, description=description)
 
 
 def _bags_below(path: Path) -> list[Path]:

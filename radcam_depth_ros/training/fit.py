@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from collections.abc import Callable
@@ -9,26 +10,29 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
 
 import torch
-from torch import nn
+from torch.nn.utils import clip_grad_norm_
 
-from radcam_depth_ros import configuration, networks
+from radcam_depth_ros import networks
 from radcam_depth_ros.networks import archive
 from radcam_depth_ros.training.batches import Batch, BatchMaker, SampleSet, prefetch
-from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, load_checkpoint, save_checkpoint
+from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
 from radcam_depth_ros.training.curves import MetricsLog, draw_curves, read_metrics
+from radcam_depth_ros.training.gradients import optimiser_of, share_gradients
+from radcam_depth_ros.training.initial import blend, load_initial
 from radcam_depth_ros.training.losses import total_loss
+from radcam_depth_ros.training.normalisation import freeze_statistics, join_batch_norms
+from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.ranks import Ranks
+from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
+from radcam_depth_ros.training.samples import TrainingError, TrainingSample
 from radcam_depth_ros.training.validation import ValidationResult, validate
 
 CHECKPOINT = "last.pt"
 METRICS = "metrics.jsonl"
 CURVES = "curves.png"
-RUN_FILE = "run.yaml"
 SKIPS_ALLOWED = 10
 """Iterations in a row without a finite gradient, after which a run is given up."""
 
@@ -41,53 +45,21 @@ class TrainingData:
         train: Samples to train on.
         validation: Held-out samples.
         description: What the archive's card says of the data.
+        rehearsal: Samples of a former training, which are mixed in.
+        rehearsal_validation: Held-out samples of these.
     """
 
     train: SampleSet
     validation: SampleSet
     description: str
+    rehearsal: SampleSet | None = None
+    rehearsal_validation: SampleSet | None = None
 
-
-@dataclass(frozen=True)
-class Limits:
-    """When a run ends besides its recipe's iterations.
-
-    Attributes:
-        minutes: Of training, over all resumptions; None for no limit.
-        should_stop: Asked before each iteration; True ends the run with a checkpoint.
-    """
-
-    minutes: float | None = None
-    should_stop: Callable[[], bool] = lambda: False
-
-
-@dataclass(frozen=True)
-class StepReport:
-    """What an observer is told after each iteration.
-
-    Attributes:
-        step: Iterations done.
-        progress: Share of the run that is done, 0 to 1.
-        loss: Mean of the total loss over the last iterations.
-        iterations_per_second: Over the last iterations.
-        best_score: Lowest validation MAE at 80 m so far, metres.
-    """
-
-    step: int
-    progress: float
-    loss: float
-    iterations_per_second: float
-    best_score: float
-
-
-class Observer(Protocol):
-    """Follows a run: a progress bar, or nothing."""
-
-    def on_step(self, report: StepReport) -> None:
-        """After each iteration."""
-
-    def on_validation(self, step: int, result: ValidationResult, is_best: bool) -> None:
-        """After each validation."""
+    @property
+    def largest(self) -> tuple[int, int]:
+        """Height and width that some image of each kind has: larger crops would show nothing there."""
+        sizes = [samples.largest for samples in (self.train, self.rehearsal) if samples is not None]
+        return min(height for height, _ in sizes), min(width for _, width in sizes)
 
 
 @dataclass(frozen=True)
@@ -97,7 +69,8 @@ class FitResult:
     Attributes:
         archive: The best weights with their card; None when the run was stopped before any validation.
         state: Where it stands.
-        finished: Whether the recipe or the time limit was reached, rather than stopped from outside.
+        finished: Whether the recipe, the time limit or the end of all patience was reached, rather than stopped from
+            outside.
     """
 
     archive: Path | None
@@ -116,9 +89,10 @@ class Trainer:
         observer: Told of each step.
         resume: Go on from the folder's checkpoint.
         initial: Weights to start from, an archive of the same architecture; else they are random.
+        ranks: The processes that train together; the first of them alone writes.
 
     Raises:
-        TrainingError: when checkpoint, initial weights or parts do not fit, or the device is missing.
+        TrainingError: when checkpoint, initial weights, samples or parts do not fit, or the device is missing.
     """
 
     def __init__(
@@ -130,51 +104,66 @@ class Trainer:
         observer: Observer,
         resume: bool,
         initial: str | Path | None = None,
+        ranks: Ranks | None = None,
     ) -> None:
         self._name = network
         self._data = data
         self._config = config
         self._folder = folder
         self._observer = observer
+        self._ranks = ranks or Ranks()
         self._precision = Precision.choose(config.precision, config.device)
         torch.manual_seed(config.seed)
         self.network = networks.create(network, config.architecture)
         _check_parts(self.network, network, config)
+        for stage in config.stages:
+            self._ranks.part_of(stage.batch)
+        self._validation = _spread(data.validation, config.validation.frames)
+        self._rehearsal = _spread(data.rehearsal_validation, config.validation.frames)
         if initial is not None and not resume:
-            _initialise(self.network, network, initial)
+            load_initial(self.network, network, initial)
         self.network.to(self._precision.device)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
-        self._averaged = AveragedWeights(self.network, config.optimiser.average_decay)
-        self._optimiser = _optimiser(self.network, config.optimiser)
+        averaged = AveragedWeights(self.network, config.optimiser.average_decay)
+        join_batch_norms(self.network, self._ranks)
+        self._working = Working(self.network, averaged, optimiser_of(self.network, config.optimiser))
+        if initial is not None and config.initial_share > 0:
+            self._working.initial.update(
+                {name: value.clone().cpu() for name, value in self.network.state_dict().items()}
+            )
         self.state = RunState(samples=len(data.train))
         if resume:
-            self.state = load_checkpoint(folder / CHECKPOINT, self.network, self._averaged, self._optimiser)
+            self.state = load_checkpoint(folder / CHECKPOINT, self._working, observer.on_note)
             if self.state.samples != len(data.train):
                 raise TrainingError(
                     f"the run in {folder} was trained on {self.state.samples} samples, and now there are "
                     f"{len(data.train)}; give the same bags, or start another run"
                 )
-        self._log = MetricsLog(folder / METRICS, self.state.step if resume else None)
-        self._maker = BatchMaker(data.train, config.augmentation, config.seed)
-        self._validation = [data.validation[index] for index in data.validation.spread(config.validation.frames)]
-        self._saved_at = time.monotonic()
-        self._counted_until = self._saved_at
+        self._is_tuned = initial is not None
+        if self._ranks.is_first:
+            self._log = MetricsLog(folder / METRICS, self.state.step if resume else None)
+        self._maker = BatchMaker(data.train, config.augmentation, config.seed, data.rehearsal, config.rehearsal.share)
+        self._saved_at = self._counted_until = time.monotonic()
         self._speed = 0.0
-        self._skipped = 0
 
-    def run(self, limits: Limits) -> FitResult:
-        """Trains until the recipe's iterations or the time limit are reached, or somebody stops it.
+    def run(self, should_stop: Callable[[], bool] = lambda: False) -> FitResult:
+        """Trains until the recipe's iterations or time limit are reached, nothing gets better, or somebody stops it.
+
+        Args:
+            should_stop: Asked before each iteration; True ends the run with a checkpoint.
 
         Raises:
             TrainingError: when the loss is not a number, or the disk is full; the last checkpoint is intact.
         """
-        finished = False
         self._counted_until = time.monotonic()
+        if self._is_tuned and self.state.validated_step < 0:
+            self._validate()
+        is_stopped = self._agree(should_stop())
         with ThreadPoolExecutor(self._config.loader_threads, "batches") as pool:
-            while not finished and not limits.should_stop():
-                stage = self._config.stage(self._progress(limits))
-                finished = self._run_stage(stage, limits, pool)
-        if finished and self.state.best_step != self.state.step:
+            while not is_stopped and not self._is_finished():
+                is_stopped = self._run_stage(self._config.stage(self._progress()), should_stop, pool)
+        finished = self._is_finished()
+        if finished and self.state.validated_step != self.state.step:
             self._validate()
         self.save()
         best = self.archive_path if self.archive_path.is_file() else None
@@ -187,37 +176,37 @@ class Trainer:
 
     def save(self) -> None:
         """Writes the checkpoint and the curves."""
-        save_checkpoint(self._folder / CHECKPOINT, self.state, self.network, self._averaged, self._optimiser)
-        draw_curves(read_metrics(self._folder / METRICS), self._folder / CURVES, f"{self._name}: {self._folder.name}")
+        if self._ranks.is_first:
+            save_checkpoint(self._folder / CHECKPOINT, self.state, self._working)
+            metrics = read_metrics(self._folder / METRICS)
+            draw_curves(metrics, self._folder / CURVES, f"{self._name}: {self._folder.name}")
         self._saved_at = time.monotonic()
 
-    def _run_stage(self, stage: StageConfig, limits: Limits, pool: ThreadPoolExecutor) -> bool:
-        """Iterates until the stage ends; whether the run is finished."""
-        tallest, widest = self._data.train.largest
+    def _run_stage(self, stage: StageConfig, should_stop: Callable[[], bool], pool: ThreadPoolExecutor) -> bool:
+        """Iterates until the stage or the run ends; whether somebody stopped it."""
+        tallest, widest = self._data.largest
         size = (min(stage.height, tallest), min(stage.width, widest))
+        count = self._ranks.part_of(stage.batch)
+        place = self.state.position + self._ranks.rank * count
         ahead = self._config.loader_threads + 2
-        batches = prefetch(self._maker, self.state.position, stage.batch, size, pool, ahead)
-        with closing(batches):
-            while not limits.should_stop():
-                self._count_time()
-                progress = self._progress(limits)
-                if progress >= 1:
-                    return True
-                if self._config.stage(progress) is not stage:
+        with closing(prefetch(self._maker, place, count, size, pool, ahead, stage.batch)) as batches:
+            while not self._agree(should_stop()):
+                if self._is_finished() or self._config.stage(self._progress()) is not stage:
                     return False
                 started = time.monotonic()
-                losses = self._iterate(next(batches), progress, stage)
+                losses = self._iterate(next(batches), stage)
                 self.state.step += 1
                 self.state.position += stage.batch
                 self.state.recent.add(losses)
                 seconds = time.monotonic() - started
                 self._speed = seconds if self._speed == 0 else 0.95 * self._speed + 0.05 * seconds
-                self._after_step(limits)
-        return False
+                self._after_step()
+        return True
 
-    def _iterate(self, batch: Batch, progress: float, stage: StageConfig) -> dict[str, float]:
-        rate = self._config.optimiser.rate(self.state.step, progress)
-        for group in self._optimiser.param_groups:
+    def _iterate(self, batch: Batch, stage: StageConfig) -> dict[str, float]:
+        optimiser, config = self._working.optimiser, self._config.optimiser
+        rate = config.rate(self.state.step, self._progress())
+        for group in optimiser.param_groups:
             group["lr"] = rate
         batch = batch.to(self._precision.device)
         self._choose_parts(stage)
@@ -230,17 +219,20 @@ class Trainer:
             batch.classes,
             self.network.config.max_depth_m,
             self._config.loss,
+            self._ranks,
         )
-        self._optimiser.zero_grad(set_to_none=True)
+        optimiser.zero_grad(set_to_none=True)
         losses.total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
-        norm = nn.utils.clip_grad_norm_(self.network.parameters(), self._config.optimiser.clip_norm or math.inf)
+        share_gradients(self.network, self._ranks)
+        norm = clip_grad_norm_(self.network.parameters(), config.clip_norm or math.inf)
+        values = losses.values(self._ranks)
         if not torch.isfinite(norm):
-            self._skip(float(losses.total.detach()))
+            self._skip(values["total"])
             return {}
-        self._skipped = 0
-        self._optimiser.step()
-        self._averaged.update(self.network, self.state.step)
-        return {**losses.values(), "gradient_norm": float(norm)}
+        self.state.skipped = 0
+        optimiser.step()
+        self._working.averaged.update(self.network, self.state.step)
+        return {**values, "gradient_norm": float(norm)}
 
     def _choose_parts(self, stage: StageConfig) -> None:
         """Lets the stage's parts learn; the others keep their weights and statistics."""
@@ -249,20 +241,25 @@ class Trainer:
         for name, part in self.network.named_children():
             if name in self.network.parts:
                 part.train(name in learning).requires_grad_(name in learning)
+        if self._config.freeze_statistics:
+            freeze_statistics(self.network)
 
     def _skip(self, loss: float) -> None:
         """Leaves the weights as they are after a gradient that is no number: one odd batch does not end a run."""
-        self._skipped += 1
-        if self._skipped >= SKIPS_ALLOWED:
+        self.state.skipped += 1
+        if self.state.skipped >= SKIPS_ALLOWED:
             raise TrainingError(
-                f"the gradient was not finite in {self._skipped} iterations in a row, the last with a loss of {loss}; "
-                f"{self._folder / CHECKPOINT} is from before: resume with precision: float32 in {RUN_FILE}, or start "
-                "a run with a lower learning rate"
+                f"the gradient was not finite in {self.state.skipped} iterations in a row, the last with a loss of "
+                f"{loss}; {self._folder / CHECKPOINT} is from before: resume with precision: float32 in run.yaml, or "
+                "start a run with a lower learning rate"
             )
+        self._observer.on_note(
+            f"iteration {self.state.step + 1} is skipped: its gradient is not finite, with a loss of {loss}"
+        )
 
-    def _after_step(self, limits: Limits) -> None:
+    def _after_step(self) -> None:
         step, config = self.state.step, self._config
-        progress = self._progress(limits)
+        progress = self._progress()
         losses = self.state.recent.means()
         self._observer.on_step(
             StepReport(step, progress, losses.get("total", math.nan), 1 / self._speed, self.state.best_score)
@@ -270,7 +267,7 @@ class Trainer:
         if step % config.log_every_iterations == 0:
             rate = config.optimiser.rate(step, progress)
             minutes = self.state.elapsed_s / 60
-            self._log.add("train", step, {**losses, "learning_rate": rate, "minutes": minutes})
+            self._record("train", {**losses, "learning_rate": rate, "minutes": minutes})
             self.state.recent.clear()
         if step % config.validation.every_iterations == 0:
             self._validate()
@@ -279,31 +276,73 @@ class Trainer:
             self.save()
 
     def _validate(self) -> None:
-        result = validate(self._averaged.network, self._validation, self._precision)
-        is_best = result.mae_80_m < self.state.best_score
+        network = self._working.averaged.network
+        if self._working.initial:
+            network = copy.deepcopy(network)
+            blend(network, self._working.initial, self._config.initial_share)
+        result = validate(network, self._validation, self._precision, self._ranks)
+        known = validate(network, self._rehearsal, self._precision, self._ranks) if self._rehearsal else None
+        # Judged by the mixture that is trained on.
+        share = self._config.rehearsal.share
+        score = result.mae_80_m if known is None else (1 - share) * result.mae_80_m + share * known.mae_80_m
+        is_best = score < self.state.best_score
+        self.state.validated_step = self.state.step
+        self.state.worse += 1
+        self._record("validation", {**asdict(result), "score": score})
+        if known is not None:
+            self._record("rehearsal", asdict(known))
         if is_best:
-            self.state.best_score, self.state.best_step = result.mae_80_m, self.state.step
-            archive.save(self._averaged.network, self._card(result), self.archive_path)
-        self._log.add("validation", self.state.step, asdict(result))
-        self._observer.on_validation(self.state.step, result, is_best)
+            self.state.best_score, self.state.best_step, self.state.worse = score, self.state.step, 0
+            if self._ranks.is_first:
+                archive.save(network, self._card(result, known), self.archive_path)
+        self._observer.on_validation(ValidationReport(self.state.step, result, known, is_best))
 
-    def _card(self, result: ValidationResult) -> archive.Card:
-        length = f"{self.state.step} iterations, {self.state.position} samples"
+    def _card(self, result: ValidationResult, known: ValidationResult | None) -> archive.Card:
+        length = f"{self.state.step} iterations, {self.state.position} samples, seed {self._config.seed}"
+        results = {"validation": asdict(result), "rehearsal": asdict(known) if known else {}}
         metrics = {
-            f"validation_{name}": round(value, 4) for name, value in asdict(result).items() if math.isfinite(value)
+            f"{kind}_{name}": round(value, 4)
+            for kind, values in results.items()
+            for name, value in values.items()
+            if math.isfinite(value)
         }
         return archive.Card.of(self.network, self._name, f"{self._data.description}; {length}", metrics)
 
-    def _count_time(self) -> None:
-        now = time.monotonic()
-        self.state.elapsed_s += now - self._counted_until
-        self._counted_until = now
+    def _record(self, kind: str, values: dict[str, float]) -> None:
+        if self._ranks.is_first:
+            self._log.add(kind, self.state.step, values)
 
-    def _progress(self, limits: Limits) -> float:
+    def _agree(self, is_stopped: bool) -> bool:
+        """Counts time, the first process's for all, and tells whether anybody wants to stop."""
+        now = time.monotonic()
+        elapsed_s = self.state.elapsed_s + now - self._counted_until
+        self._counted_until = now
+        own = torch.tensor([elapsed_s if self._ranks.is_first else 0.0, float(is_stopped)], dtype=torch.float64)
+        elapsed_s, stops = self._ranks.add(own).tolist()
+        self.state.elapsed_s = float(elapsed_s)
+        return bool(stops)
+
+    def _is_finished(self) -> bool:
+        patience = self._config.validation.patience
+        return self._progress() >= 1 or 0 < patience <= self.state.worse
+
+    def _progress(self) -> float:
         progress = self.state.step / self._config.iterations
-        if limits.minutes is not None:
-            progress = max(progress, self.state.elapsed_s / (60 * limits.minutes))
+        if self._config.minutes is not None:
+            progress = max(progress, self.state.elapsed_s / (60 * self._config.minutes))
         return min(progress, 1.0)
+
+
+def _spread(samples: SampleSet | None, count: int) -> list[TrainingSample]:
+    if samples is None:
+        return []
+    chosen = [samples[index] for index in samples.spread(count)]
+    if not any(((sample.depth_m > 0) & (sample.depth_m <= 80)).any() for sample in chosen):
+        raise TrainingError(
+            f"none of the {len(chosen)} frames to validate on has ground truth nearer than 80 m; give others with "
+            "--validation-bags"
+        )
+    return chosen
 
 
 def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -> None:
@@ -314,30 +353,3 @@ def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -
                 f"a stage of the recipe trains {unknown[0]!r}, which is no part of {name}; its parts are "
                 f"{', '.join(network.parts) or 'not trained one by one'}"
             )
-
-
-def _initialise(network: networks.Network, name: str, initial: str | Path) -> None:
-    given = archive.load(initial)
-    if isinstance(given.network, torch.jit.ScriptModule):
-        raise TrainingError(f"{initial} is an export, and an export cannot be trained; give the .safetensors file")
-    if given.card.network != name:
-        raise TrainingError(f"the weights of {initial} are of {given.card.network!r}, not of {name!r}")
-    # tau is no weight: it may be another one.
-    mine = {**configuration.as_mapping(network.config), "threshold": None}
-    theirs = {**given.card.architecture, "threshold": None}
-    differing = [key for key in mine if theirs.get(key) != mine[key]]
-    if differing:
-        raise TrainingError(
-            f"the architecture of {initial} differs in {', '.join(differing)}; give the recipe the same architecture"
-        )
-    network.load_state_dict(given.network.state_dict())
-
-
-def _optimiser(network: nn.Module, config: OptimiserConfig) -> torch.optim.AdamW:
-    parameters = list(network.parameters())
-    # Decay would draw norms, biases and attention's alpha and beta to 0, which regularises nothing.
-    groups = [
-        {"params": [p for p in parameters if p.ndim >= 2], "weight_decay": config.weight_decay},
-        {"params": [p for p in parameters if p.ndim < 2], "weight_decay": 0.0},
-    ]
-    return torch.optim.AdamW(groups, lr=config.learning_rate)

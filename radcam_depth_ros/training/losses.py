@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
+from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
 
 GROUND_CLASSES = (0, 1)
@@ -19,6 +20,8 @@ FARTHEST_ROAD_M = 60.0
 
 ROAD_TOLERANCE = 0.2
 """Difference of the logarithms up to which a pixel of unknown class is taken for ground."""
+
+ALONE = Ranks()
 
 
 @dataclass(frozen=True)
@@ -103,18 +106,20 @@ class Losses:
     road: Tensor
     confidence: Tensor
 
-    def values(self) -> dict[str, float]:
-        """As numbers, by name."""
-        return {entry.name: float(getattr(self, entry.name).detach()) for entry in fields(self)}
+    def values(self, ranks: Ranks = ALONE) -> dict[str, float]:
+        """As numbers, by name; of the whole batch where several processes share it."""
+        parts = torch.stack([getattr(self, entry.name).detach().float() for entry in fields(self)])
+        return dict(zip((entry.name for entry in fields(self)), ranks.add(parts).tolist(), strict=True))
 
 
-def association_loss(association: Association, truth_m: Tensor, config: LossConfig) -> Tensor:
+def association_loss(association: Association, truth_m: Tensor, config: LossConfig, ranks: Ranks = ALONE) -> Tensor:
     """Binary cross entropy of every logit whose pixel has ground truth.
 
     Args:
         association: Logits (B, M, h, w) with the depths of their returns.
         truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) belongs to no return.
         config: Tolerance and weight of positives.
+        ranks: The processes that share the batch: the mean is over all of it, and the sum of what each gets.
 
     Returns:
         A scalar: the mean over the pixels and returns that count, a positive counting `positive_weight` times.
@@ -130,10 +135,12 @@ def association_loss(association: Association, truth_m: Tensor, config: LossConf
     positive = ((truth - depth).abs() < tolerance).expand_as(logits)
     weight = torch.where(positive, config.positive_weight, 1.0) * counts
     entropy = functional.binary_cross_entropy_with_logits(logits.float(), positive.float(), weight, reduction="sum")
-    return entropy / counts.sum().clamp(min=1)
+    return entropy / ranks.add(counts.sum()).clamp(min=1)
 
 
-def choice_loss(candidates: Candidates, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
+def choice_loss(
+    candidates: Candidates, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> Tensor:
     """Negative log likelihood of the depth, as a mixture of a Laplace distribution of log depth at each candidate.
 
     Args:
@@ -141,6 +148,7 @@ def choice_loss(candidates: Candidates, truth_m: Tensor, max_depth_m: float, con
         truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) and what is beyond `max_depth_m` is there.
         max_depth_m: Farthest depth that the network gives.
         config: `choice_tolerance`.
+        ranks: As in `association_loss`.
     """
     truth = _at(truth_m, candidates.logits.shape[2])
     counts = ~torch.isnan(truth)
@@ -149,10 +157,10 @@ def choice_loss(candidates: Candidates, truth_m: Tensor, max_depth_m: float, con
     logits = candidates.logits.float()
     distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
     likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
-    return -(likelihood * weight).sum() / weight.sum().clamp(min=1)
+    return -(likelihood * weight).sum() / ranks.add(weight.sum()).clamp(min=1)
 
 
-def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor) -> Tensor:
+def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
     """Mean absolute difference of the logarithms where the ground is.
 
     That is where a pixel's class says so or, where classes are not known, where truth and road are not far apart.
@@ -161,6 +169,7 @@ def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor) -> Tensor:
         road_m: (B, 1, h, w) metres, of the image's size or smaller by a whole factor.
         truth_m: (B, 1, H, W) metres; NaN pixels do not count.
         classes: (B, H, W) uint8, 255 unknown.
+        ranks: As in `association_loss`.
     """
     truth, label = _at(truth_m, road_m.shape[2]), _at(classes.unsqueeze(1), road_m.shape[2])
     ground = torch.zeros_like(label, dtype=torch.bool)
@@ -171,16 +180,30 @@ def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor) -> Tensor:
     near = difference.detach() < ROAD_TOLERANCE
     # A plane has no business where the ground leaves it by half: a bank, a hole, another road.
     counts &= torch.where(label == UNKNOWN_CLASS, near, ground & (difference.detach() < 0.7))
-    return _mean(difference, counts)
+    return _mean(difference, counts, ranks)
 
 
 def _at(truth_m: Tensor, rows: int) -> Tensor:
-    """Ground truth with so many rows: one pixel stands for its cell, since depths are never blended across edges."""
+    """Ground truth with so many rows: one pixel stands for its cell, since depths are never blended across edges.
+
+    It is the middle one, or the nearest of the cell where that is unknown: a LiDAR knows few pixels, and none of them
+    is to be lost.
+    """
     stride = truth_m.shape[2] // rows
-    return truth_m[:, :, stride // 2 :: stride, stride // 2 :: stride]
+    if stride == 1:
+        return truth_m
+    middle = truth_m[:, :, stride // 2 :: stride, stride // 2 :: stride]
+    # Sky is +inf, so that what is unknown needs a number beyond it: both are finite here.
+    sky_m, unknown_m = 1e9, 2e9
+    ranked = torch.where(torch.isnan(truth_m), unknown_m, truth_m.clamp(max=sky_m))
+    nearest = -functional.max_pool2d(-ranked, stride)
+    nearest = torch.where(nearest == sky_m, torch.inf, torch.where(nearest == unknown_m, torch.nan, nearest))
+    return torch.where(torch.isnan(middle), nearest, middle)
 
 
-def dense_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
+def dense_loss(
+    dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> Tensor:
     """Smooth L1 in metres, means over the pixels with a surface in range and, weighted `sky`, over those without.
 
     Args:
@@ -188,27 +211,30 @@ def dense_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: Los
         truth_m: The same size; NaN unknown, +inf or beyond `max_depth_m` is drawn to `max_depth_m`.
         max_depth_m: Farthest depth that the network gives.
         config: `smooth_l1_beta_m` and `sky`.
+        ranks: As in `association_loss`.
     """
     beyond = truth_m > max_depth_m
     in_range = (truth_m > 0) & ~beyond
     target = torch.where(in_range, truth_m, max_depth_m)
     error = functional.smooth_l1_loss(dense_m, target, reduction="none", beta=config.smooth_l1_beta_m)
-    return _mean(error, in_range) + config.sky * _mean(error, beyond)
+    return _mean(error, in_range, ranks) + config.sky * _mean(error, beyond, ranks)
 
 
-def log_depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float) -> Tensor:
+def log_depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Ranks = ALONE) -> Tensor:
     """Mean absolute difference of the logarithms, over the pixels with a surface in range; shapes as `dense_loss`."""
     in_range = (truth_m > 0) & (truth_m <= max_depth_m)
     difference = (torch.log(dense_m) - torch.log(torch.where(in_range, truth_m, 1.0))).abs()
-    return _mean(difference, in_range)
+    return _mean(difference, in_range, ranks)
 
 
-def confidence_loss(logit: Tensor, dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig) -> Tensor:
+def confidence_loss(
+    logit: Tensor, dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> Tensor:
     """Binary cross entropy against whether the dense depth, taken as it is, is right; shapes as `dense_loss`."""
     in_range = (truth_m > 0) & (truth_m <= max_depth_m)
     right = (dense_m.detach() - truth_m).abs() < config.confidence_tolerance * truth_m
     entropy = functional.binary_cross_entropy_with_logits(logit, right.float(), reduction="none")
-    return _mean(entropy, in_range)
+    return _mean(entropy, in_range, ranks)
 
 
 def total_loss(
@@ -218,6 +244,7 @@ def total_loss(
     classes: Tensor,
     max_depth_m: float,
     config: LossConfig,
+    ranks: Ranks = ALONE,
 ) -> Losses:
     """All losses of a batch.
 
@@ -228,27 +255,28 @@ def total_loss(
         classes: (B, H, W) uint8, 255 unknown.
         max_depth_m: Farthest depth that the network gives.
         config: Weights.
+        ranks: The processes that share the batch; each gets its part of the losses, whose sum is that of the batch.
     """
     total = accumulated_m.new_zeros(())
     association = choice = accumulated = log_depth = road = confidence = total
     if outputs.association is not None:
-        association = association_loss(outputs.association, accumulated_m, config)
+        association = association_loss(outputs.association, accumulated_m, config, ranks)
         total = total + config.association * association
     if outputs.depths is None or outputs.confidence_logit is None:
         return Losses(total, association.detach(), choice.detach(), accumulated, log_depth, road, confidence)
     if outputs.candidates is not None:
-        choice = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config)
+        choice = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config, ranks)
         total = total + config.choice * choice
     if outputs.road_m is not None:
-        road = road_loss(outputs.road_m, accumulated_m, classes)
+        road = road_loss(outputs.road_m, accumulated_m, classes, ranks)
         total = total + config.road * road
     dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
-    accumulated = dense_loss(dense_m, accumulated_m, max_depth_m, config)
-    single = accumulated if single_m is None else dense_loss(dense_m, single_m, max_depth_m, config)
-    confidence = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config)
+    accumulated = dense_loss(dense_m, accumulated_m, max_depth_m, config, ranks)
+    single = accumulated if single_m is None else dense_loss(dense_m, single_m, max_depth_m, config, ranks)
+    confidence = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config, ranks)
     total = total + config.accumulated * accumulated + config.single * single + config.confidence * confidence
     if config.log_depth > 0:
-        log_depth = log_depth_loss(dense_m, accumulated_m, max_depth_m)
+        log_depth = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
         total = total + config.log_depth * log_depth
     return Losses(
         total,
@@ -261,6 +289,6 @@ def total_loss(
     )
 
 
-def _mean(values: Tensor, where: Tensor) -> Tensor:
+def _mean(values: Tensor, where: Tensor, ranks: Ranks) -> Tensor:
     # torch.where, not a product: what does not count may be NaN.
-    return torch.where(where, values, 0.0).sum() / where.sum().clamp(min=1)
+    return torch.where(where, values, 0.0).sum() / ranks.add(where.sum()).clamp(min=1)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from radcam_depth_ros.training.augmentation import AugmentationConfig
 from radcam_depth_ros.training.losses import LossConfig
+from radcam_depth_ros.training.precision import Precision
+from radcam_depth_ros.training.rehearsal import RehearsalConfig
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -87,17 +89,19 @@ class ValidationConfig:
         frames: Number of frames, evenly over the validation bags.
         hold_out: Share of the bags (or, of a single bag, of its last frames) that is held out when no validation bags
             are given.
+        patience: Validations in a row without a better score, after which a training ends; 0 for never.
     """
 
     every_iterations: int = 1000
     frames: int = 40
     hold_out: float = 0.1
+    patience: int = 0
 
     def __post_init__(self) -> None:
-        if self.every_iterations < 1 or self.frames < 1 or not 0 < self.hold_out < 1:
+        if self.every_iterations < 1 or self.frames < 1 or not 0 < self.hold_out < 1 or self.patience < 0:
             raise TrainingError(
-                "validation needs every_iterations and frames of at least 1 and hold_out between 0 and 1, got "
-                f"{self.every_iterations}, {self.frames} and {self.hold_out}"
+                "validation needs every_iterations and frames of at least 1, hold_out between 0 and 1 and patience of "
+                f"at least 0, got {self.every_iterations}, {self.frames}, {self.hold_out} and {self.patience}"
             )
 
 
@@ -107,9 +111,11 @@ class TrainingConfig:
 
     Attributes:
         architecture: Values of the network's config that differ from its defaults.
-        iterations: Length of the training; a time limit may end it earlier, and then the schedule follows the time.
+        iterations: Length of the training.
+        minutes: Time limit of the training, over all resumptions, which may end it earlier: then the schedule follows
+            the time. None for no limit.
         seed: Of weights, order and augmentation.
-        precision: `float32`, `bfloat16`, or `auto`: bfloat16 where the processor computes in it.
+        precision: `float32`, `bfloat16`, or `auto`: whichever is measured to be faster.
         device: `cpu` or `cuda`.
         loader_threads: Threads that make batches.
         log_every_iterations: Between two lines of training losses.
@@ -119,10 +125,14 @@ class TrainingConfig:
         loss: Losses.
         augmentation: Augmentation.
         validation: Validation.
+        rehearsal: What is repeated of a former training.
+        freeze_statistics: Batch norms keep the statistics that they have, and learn their weights alone.
+        initial_share: Share of the initial weights in those that are validated and shipped (WiSE-FT).
     """
 
     architecture: Mapping[str, Any] = field(default_factory=dict)
     iterations: int = 40_000
+    minutes: float | None = None
     seed: int = 0
     precision: str = "auto"
     device: str = "cpu"
@@ -134,6 +144,9 @@ class TrainingConfig:
     loss: LossConfig = field(default_factory=LossConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     validation: ValidationConfig = field(default_factory=ValidationConfig)
+    rehearsal: RehearsalConfig = field(default_factory=RehearsalConfig)
+    freeze_statistics: bool = False
+    initial_share: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.stages or abs(sum(stage.share for stage in self.stages) - 1) > 1e-6:
@@ -142,6 +155,16 @@ class TrainingConfig:
             raise TrainingError(f"precision must be 'auto', 'float32' or 'bfloat16', got {self.precision!r}")
         if min(self.iterations, self.loader_threads, self.log_every_iterations) < 1:
             raise TrainingError("iterations, loader_threads and log_every_iterations must be at least 1")
+        if (self.minutes is not None and self.minutes <= 0) or not 0 <= self.initial_share < 1:
+            raise TrainingError(
+                "minutes must be above 0 and initial_share at least 0 and below 1, got "
+                f"{self.minutes} and {self.initial_share}"
+            )
+
+    def with_measured_precision(self) -> TrainingConfig:
+        """The same with `precision: auto` replaced by what is measured here."""
+        chosen = Precision.choose(self.precision, self.device)
+        return replace(self, precision=str(chosen.dtype).removeprefix("torch."))
 
     def stage(self, progress: float) -> StageConfig:
         """The stage at `progress` (0 to 1) of the way through the training."""
@@ -151,3 +174,16 @@ class TrainingConfig:
             if progress < reached:
                 return stage
         return self.stages[-1]
+
+
+FINE_TUNING = TrainingConfig(
+    iterations=1500,
+    minutes=20.0,
+    log_every_iterations=25,
+    stages=(StageConfig(1.0, 320, 352, 4),),
+    optimiser=OptimiserConfig(learning_rate=2e-4, average_decay=0.99),
+    validation=ValidationConfig(every_iterations=150),
+    rehearsal=RehearsalConfig(share=0.5),
+    freeze_statistics=True,
+)
+"""The recipe for weights that are trained already: gently, briefly, and rehearsing simulated drives."""

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.networks import Network
 from radcam_depth_ros.training.batches import collate
 from radcam_depth_ros.training.precision import Precision
+from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import TrainingSample
 
 
@@ -37,26 +39,37 @@ class ValidationResult:
     confidence_gap: float
 
 
-def validate(network: Network, samples: Sequence[TrainingSample], precision: Precision) -> ValidationResult:
+def validate(
+    network: Network, samples: Sequence[TrainingSample], precision: Precision, ranks: Ranks | None = None
+) -> ValidationResult:
     """Runs a network, as a vehicle would, over whole frames.
 
     Args:
         network: In evaluation mode.
         samples: Held-out frames, each at its full size with all its returns.
         precision: Number format and device.
+        ranks: Processes that share the frames, and all get the result.
     """
-    rows = []
-    for sample in samples:
-        batch = collate([sample]).to(precision.device)
-        with torch.inference_mode(), precision.autocast():
-            depths = network(batch.image, batch.radar, batch.valid, batch.ground)
-        images = (image[0, 0].float().cpu().numpy() for image in depths)
-        rows.append(_measure(sample.depth_m.astype(np.float32), *images))
+    ranks = ranks or Ranks()
+    part = [
+        _measure(sample.depth_m.astype(np.float32), *predict(network, sample, precision))
+        for sample in samples[ranks.rank :: ranks.size]
+    ]
+    parts = ranks.gather(part)
+    rows = [parts[index % ranks.size][index // ranks.size] for index in range(len(samples))]
     with np.errstate(invalid="ignore"):
         table = np.array(rows)
         known = np.isfinite(table)
         means = np.where(known, table, 0).sum(axis=0) / known.sum(axis=0)
     return ValidationResult(*(float(value) for value in means))
+
+
+def predict(network: Network, sample: TrainingSample, precision: Precision) -> tuple[FloatArray, ...]:
+    """Dense depth, semi-dense depth and confidence of a whole frame, each (H, W) float32."""
+    batch = collate([sample]).to(precision.device)
+    with torch.inference_mode(), precision.autocast():
+        depths = network(batch.image, batch.radar, batch.valid, batch.ground)
+    return tuple(image[0, 0].float().cpu().numpy() for image in depths)
 
 
 def _measure(truth: np.ndarray, dense: np.ndarray, semi_dense: np.ndarray, confidence: np.ndarray) -> list[float]:

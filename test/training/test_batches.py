@@ -36,12 +36,20 @@ def test_a_batch_is_a_function_of_its_position(drive: CachedDrive) -> None:
     assert not torch.equal(first.image, other.image)
 
 
-def test_each_sample_comes_once_an_epoch(drive: CachedDrive) -> None:
-    samples = SampleSet.of([drive, drive])
-    maker = BatchMaker(samples, AugmentationConfig(), 0)
-    places = [maker._index(place) for place in range(24)]
-    assert sorted(places[:12]) == sorted(places[12:]) == list(range(12))
-    assert places[:12] != places[12:]
+def test_rehearsals_are_an_even_share_of_the_samples(drive: CachedDrive) -> None:
+    samples = SampleSet.of([drive])
+    own, rehearsal = samples.split(0.5)
+    seen = []
+    for share, expected in ((0.5, [1, 1, 1, 1]), (0.25, [0, 1, 0, 1]), (0.0, [0, 0, 0, 0])):
+        maker = BatchMaker(own, AugmentationConfig(), 0, rehearsal, share)
+        drawn = [maker._sample(place).image for place in range(8)]
+        is_rehearsal = [
+            any(np.array_equal(image, other.image) for other in map(rehearsal.__getitem__, range(len(rehearsal))))
+            for image in drawn
+        ]
+        assert [sum(is_rehearsal[start : start + 2]) for start in (0, 2, 4, 6)] == expected
+        seen.append(sum(is_rehearsal))
+    assert seen == [4, 2, 0]
 
 
 def test_batches_made_ahead_come_in_order(drive: CachedDrive) -> None:

@@ -14,11 +14,11 @@ from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs
 from radcam_depth_ros.training.augmentation import AugmentationConfig
 from radcam_depth_ros.training.batches import SampleSet
 from radcam_depth_ros.training.curves import read_metrics
-from radcam_depth_ros.training.fit import FitResult, Limits, StepReport, Trainer, TrainingData
+from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.losses import LossConfig
+from radcam_depth_ros.training.observer import StepReport, ValidationReport
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
 from radcam_depth_ros.training.samples import CachedDrive, TrainingError
-from radcam_depth_ros.training.validation import ValidationResult
 
 
 @dataclass(frozen=True)
@@ -74,12 +74,16 @@ class Watch:
     def __init__(self) -> None:
         self.steps: list[StepReport] = []
         self.validations: list[int] = []
+        self.notes: list[str] = []
 
     def on_step(self, report: StepReport) -> None:
         self.steps.append(report)
 
-    def on_validation(self, step: int, result: ValidationResult, is_best: bool) -> None:
-        self.validations.append(step)
+    def on_validation(self, report: ValidationReport) -> None:
+        self.validations.append(report.step)
+
+    def on_note(self, text: str) -> None:
+        self.notes.append(text)
 
 
 @pytest.fixture(autouse=True)
@@ -105,7 +109,7 @@ def run(
     folder.mkdir(exist_ok=True)
     watch = Watch()
     trainer = Trainer(network, data, config, folder, watch, resume, initial)
-    result = trainer.run(Limits(should_stop=lambda: trainer.state.step >= stop_after))
+    result = trainer.run(lambda: trainer.state.step >= stop_after)
     return result, trainer, watch
 
 
@@ -136,6 +140,7 @@ def test_a_run_writes_weights_metrics_and_curves(tmp_path: Path, data: TrainingD
     assert result.archive == tmp_path / "run" / "miniature.safetensors"
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
         "curves.png",
+        "last.before.pt",
         "last.pt",
         "metrics.jsonl",
         "miniature.safetensors",
@@ -202,7 +207,7 @@ def test_a_run_starts_from_weights_that_are_given(tmp_path: Path, data: Training
 def test_weights_of_another_architecture_are_no_start(tmp_path: Path, data: TrainingData) -> None:
     first, _, _ = run(data, tmp_path / "first")
     other = dataclasses.replace(CONFIG, architecture={"max_depth_m": 80.0})
-    with pytest.raises(TrainingError, match="differs in max_depth_m"):
+    with pytest.raises(TrainingError, match=r"its max_depth_m is 100.0, the recipe.s is 80.0"):
         run(data, tmp_path / "second", other, initial=first.archive)
     with pytest.raises(TrainingError, match="are of 'miniature'"):
         run(data, tmp_path / "third", network="baff", initial=first.archive)
@@ -215,9 +220,9 @@ def test_weights_of_another_architecture_are_no_start(tmp_path: Path, data: Trai
 def test_a_time_limit_ends_a_run(tmp_path: Path, data: TrainingData) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
-    config = dataclasses.replace(CONFIG, iterations=10**6)
+    config = dataclasses.replace(CONFIG, iterations=10**6, minutes=0.01)
     trainer = Trainer("miniature", data, config, folder, Watch(), False)
-    result = trainer.run(Limits(minutes=0.01))
+    result = trainer.run()
     assert result.finished
     assert 0 < result.state.step < 10**6
 

@@ -54,6 +54,15 @@ def test_association_leaves_out_returns_without_a_depth() -> None:
     assert float(loss) == pytest.approx(entropy(2.0, True), rel=1e-6)
 
 
+def test_a_sparse_truth_counts_wherever_it_lies_in_a_cell() -> None:
+    truth = torch.full((1, 1, 4, 6), NAN)
+    truth[0, 0, 0, 0], truth[0, 0, 0, 1] = 30.0, 10.0  # off the cell's middle: the nearest counts
+    truth[0, 0, 2, 3] = INF
+    logits = torch.tensor([[[[4.0, 9.0, 9.0], [9.0, -3.0, 9.0]]]])
+    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=1.0))
+    assert float(loss) == pytest.approx((entropy(4.0, True) + entropy(-3.0, False)) / 2, rel=1e-6)
+
+
 def test_association_takes_the_cell_centre_at_a_stride() -> None:
     truth = torch.full((1, 1, 4, 4), 50.0)
     truth[0, 0, 3, 1] = 10.0  # row 1, column 0 of the grid at stride 2

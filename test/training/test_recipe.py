@@ -7,7 +7,7 @@ import pytest
 from radcam_depth_ros import configuration
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig
+from radcam_depth_ros.training.recipe import FINE_TUNING, OptimiserConfig, StageConfig, TrainingConfig
 from radcam_depth_ros.training.samples import TrainingError
 
 RECIPES = sorted((Path(__file__).parents[2] / "config" / "train").glob("*.yaml"))
@@ -16,12 +16,23 @@ RECIPES = sorted((Path(__file__).parents[2] / "config" / "train").glob("*.yaml")
 @pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
 def test_shipped_recipes_fit_their_networks(path: Path) -> None:
     recipe = configuration.load(TrainingConfig, path)
-    assert registry.create_config(path.stem, recipe.architecture)
+    network = "baff" if path.stem == "fine_tune" else path.stem
+    assert registry.create_config(network, recipe.architecture)
 
 
 def test_the_shipped_recipe_of_baff_is_the_default() -> None:
     recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == "baff"))
     assert configuration.as_mapping(recipe) == configuration.as_mapping(TrainingConfig())
+
+
+def test_the_shipped_recipe_of_fine_tuning_is_that_of_initial_weights() -> None:
+    recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == "fine_tune"))
+    assert recipe == FINE_TUNING
+
+
+def test_what_is_measured_of_the_precision_is_kept() -> None:
+    assert TrainingConfig(precision="bfloat16").with_measured_precision().precision == "bfloat16"
+    assert TrainingConfig().with_measured_precision().precision in ("float32", "bfloat16")
 
 
 def test_stages_follow_one_another() -> None:
@@ -49,6 +60,13 @@ def test_learning_rates() -> None:
         ({"precision": "float16"}, "precision"),
         ({"validation": {"frames": 0}}, "validation needs"),
         ({"iterations": 0}, "at least 1"),
+        ({"validation": {"patience": -1}}, "patience of at least 0"),
+        ({"minutes": 0}, "minutes must be above 0"),
+        ({"initial_share": 1.0}, "initial_share at least 0"),
+        ({"rehearsal": {"share": 1.0}}, "a share of at least 0 and below 1"),
+        ({"rehearsal": {"frames": 10}}, "frames for two drives"),
+        ({"rehearsal": {"first_seed": 999_990}}, "kept for measuring"),
+        ({"augmentation": {"focal_jitter": 0.7}}, "focal_jitter 0 to 0.5, got 0.5 and 0.7"),
     ],
 )
 def test_wrong_recipes_are_refused(wrong: dict[str, object], message: str) -> None:

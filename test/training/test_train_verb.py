@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -8,8 +8,12 @@ import yaml
 from typer.testing import CliRunner
 
 from radcam_depth_ros.cli import app
+from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import archive
+from radcam_depth_ros.training import cache, rehearsal
+from radcam_depth_ros.training.plan import RunPlan
+from radcam_depth_ros.training.recipe import FINE_TUNING
 
 RECIPE = {
     "iterations": 2,
@@ -58,6 +62,47 @@ def test_a_run_starts_from_weights(tmp_path: Path, recipe: Path, make_bags: Call
     with pytest.raises(RadcamDepthError, match="no weight file at weights"):
         invoke(*arguments, "--out", tmp_path / "other", "--init", "weights")
     assert not (tmp_path / "other").exists()
+
+
+def test_weights_are_tuned_and_rehearse(tmp_path: Path, make_bags: Callable[[int], list[Path]]) -> None:
+    first, *known = make_bags(3)
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(yaml.safe_dump({**RECIPE, "rehearsal": {"share": 0.5}, "initial_share": 0.25}))
+    arguments = ("--bags", first, "--init", "baff", "--config", recipe, "--processes", 1)
+    run = tmp_path / "run"
+    output = invoke(*arguments, *(word for bag in known for word in ("--rehearsal-bags", bag)), "--out", run)
+    assert "from the weights of baff, rehearsing 6 frames as 50 % of all" in " ".join(output.split())
+    # Judged before the first iteration and after the last, on both kinds of frames.
+    assert " ".join(output.split()).count("rehearsed: dense MAE") == 2
+    assert "rehearsal_mae_80_m" in archive.load(run / "baff.safetensors").card.metrics
+    with pytest.raises(RadcamDepthError, match="rehearsal-bags need a share"):
+        invoke("--bags", first, "--rehearsal-bags", known[0], "--out", tmp_path / "other")
+
+
+def test_weights_alone_bring_the_recipe_of_fine_tuning(
+    tmp_path: Path,
+    make_bags: Callable[[int], list[Path]],
+    frames: Callable[[int, int], Iterator[Sample]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rehearsal, "_simulate", lambda mapping, seed, frames, out: out.write_bytes(b"made up"))
+    monkeypatch.setattr(cache, "read_samples", lambda path, settings: frames(1, 2))
+    run, bags = tmp_path / "run", make_bags(1)
+    invoke("--bags", *bags, "--init", "baff", "--out", run, "--processes", 1, "--iterations", 1)
+    assert RunPlan.read(run).config.rehearsal.share == FINE_TUNING.rehearsal.share
+    assert len(list((run / "cache" / "rehearsal").rglob("seed_*.mcap"))) == FINE_TUNING.rehearsal.drives
+
+
+def test_a_run_that_was_cut_off_before_its_first_checkpoint_begins_again(
+    tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]
+) -> None:
+    run = tmp_path / "run"
+    invoke("--bags", *make_bags(2), "--out", run, "--config", recipe, "--processes", 1)
+    for checkpoint in run.glob("last*"):
+        checkpoint.unlink()
+    assert "2 iterations" in archive.load(run / "baff.safetensors").card.training_data
+    invoke("--out", run, "--resume")
+    assert (run / "last.pt").is_file()
 
 
 def test_bags_may_follow_one_option(tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]) -> None:

@@ -1,0 +1,57 @@
+"""What a run is made of, as its folder keeps it: data, recipe, and where the weights came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from radcam_depth_ros import configuration
+from radcam_depth_ros.files import write_text
+from radcam_depth_ros.training.recipe import TrainingConfig
+from radcam_depth_ros.training.samples import TrainingError
+
+RUN_FILE = "run.yaml"
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """All that a run needs to begin, and to go on.
+
+    Attributes:
+        network: Name of the network.
+        config: The recipe.
+        bags: Bags to train on.
+        validation_bags: Bags to choose the best weights by; some of `bags` are held out where there are none.
+        rehearsal_bags: Bags to rehearse; simulated where there are none and the recipe rehearses.
+        cache: Folder of prepared samples.
+        init: Weights to start from: a network's name, or a file; random where there are none.
+    """
+
+    network: str
+    config: TrainingConfig
+    bags: tuple[str, ...]
+    validation_bags: tuple[str, ...] = ()
+    rehearsal_bags: tuple[str, ...] = ()
+    cache: str = "cache"
+    init: str | None = None
+
+    def write(self, folder: Path) -> None:
+        """Writes `run.yaml` into the run's folder."""
+        write_text(folder / RUN_FILE, yaml.safe_dump(configuration.as_mapping(self), sort_keys=False))
+
+    @classmethod
+    def read(cls, folder: Path) -> RunPlan:
+        """Reads `run.yaml` of a run's folder.
+
+        Raises:
+            TrainingError: when there is none.
+            ConfigurationError: when it does not fit.
+        """
+        path = folder / RUN_FILE
+        if not path.is_file():
+            raise TrainingError(
+                f"{folder} holds no run to resume: {path} is missing; leave --resume out to start a run"
+            )
+        return configuration.load(cls, path)
