@@ -77,4 +77,5 @@ def _distances(images: npt.NDArray[np.int64], stamps: npt.NDArray[np.int64]) -> 
     """From each image to the nearest of the stamps; both ascend."""
     after = np.searchsorted(stamps, images).clip(0, len(stamps) - 1)
     before = (after - 1).clip(0)
-    return np.minimum(np.abs(stamps[after] - images), np.abs(stamps[before] - images))
+    nearest: npt.NDArray[np.int64] = np.minimum(np.abs(stamps[after] - images), np.abs(stamps[before] - images))
+    return nearest

@@ -97,6 +97,4 @@ def interpolate(start: RigidTransform, end: RigidTransform, share: float) -> Rig
         last = -last
     # Normalised by from_quaternion: between poses a few degrees apart that is the great circle to a millidegree.
     quaternion = (1 - share) * first + share * last
-    return RigidTransform.from_quaternion(
-        (1 - share) * start.translation + share * end.translation, quaternion
-    )
+    return RigidTransform.from_quaternion((1 - share) * start.translation + share * end.translation, quaternion)

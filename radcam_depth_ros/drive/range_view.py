@@ -13,8 +13,8 @@ from radcam_depth_ros.frame import FloatArray
 _COLUMNS = 720  # of 0.5 degrees
 _ROWS = 80
 _ROW_RAD = np.deg2rad(0.75)
-"""Half a degree by three quarters: with its neighbours a cell reaches over the gap between two beams around the horizon,
-and is still narrow enough to tell a car from what is beside it."""
+"""Half a degree by three quarters: with its neighbours a cell reaches over the gap between two beams, and is still
+narrow enough to tell a car from what is beside it."""
 
 
 class Verdict(IntEnum):
@@ -86,7 +86,7 @@ def _cells(points_m: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
 def _spread(grid: FloatArray, extreme: np.ufunc) -> FloatArray:
     """The extreme of each cell and its neighbours; columns go round."""
     result = extreme(extreme(grid, np.roll(grid, 1, axis=1)), np.roll(grid, -1, axis=1))
-    taller = result.copy()
+    taller: FloatArray = result.copy()
     extreme(taller[1:], result[:-1], out=taller[1:])
     extreme(taller[:-1], result[1:], out=taller[:-1])
     return taller

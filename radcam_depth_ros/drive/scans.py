@@ -151,9 +151,7 @@ class ScanWindow:
 
     def _forget(self, stamp_ns: int) -> None:
         before = sum(scan.stamp_ns <= stamp_ns for scan in self._scans)
-        while self._scans and (
-            before > self._config.scans or self._scans[0].stamp_ns < stamp_ns - self._window_ns
-        ):
+        while self._scans and (before > self._config.scans or self._scans[0].stamp_ns < stamp_ns - self._window_ns):
             self._scans.popleft()
             before -= 1
         self._motion.forget_before(stamp_ns - self._window_ns)
