@@ -48,6 +48,13 @@ def train(
     cache: Annotated[
         Path | None, typer.Option(help="Where prepared samples are kept; by default in the run's folder.")
     ] = None,
+    ground_truth: Annotated[
+        str,
+        typer.Option(
+            help="any: exact depth images where a bag has them, else LiDAR, accumulated where it has odometry; exact; "
+            "lidar; both: exact, and the nearest LiDAR scan besides."
+        ),
+    ] = "any",
     processes: Annotated[int, typer.Option(min=1, help="Bags that are prepared at once.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, with its bags and recipe.")
@@ -77,6 +84,7 @@ def train(
         plan = _read_plan(out)
     else:
         plan = _new_plan(out, network, given, validation_bags or [], config, cache, seed, init)
+        plan["ground_truth"] = ground_truth
     if iterations is not None:
         plan["config"]["iterations"] = iterations
     if minutes is not None:
@@ -162,19 +170,21 @@ def _read_plan(out: Path) -> dict[str, Any]:
         plan = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError):
         raise TrainingError(f"{out} holds no run to resume: {path} is missing or damaged") from None
-    keys = {"network", "bags", "validation_bags", "cache", "minutes", "config"}
+    keys = {"network", "bags", "validation_bags", "cache", "minutes", "config", "ground_truth"}
     if not isinstance(plan, dict) or set(plan) != keys:
         raise TrainingError(f"{path} must hold {', '.join(sorted(keys))}; it was changed by hand, start another run")
     return plan
 
 
 def _load(plan: dict[str, Any], recipe: TrainingConfig, processes: int, progress: Progress) -> TrainingData:
+    from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.networks import registry
     from radcam_depth_ros.training.cache import CacheSettings
     from radcam_depth_ros.training.data import load_data
 
     architecture = registry.create_config(plan["network"], recipe.architecture)
-    settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m)
+    drive = DriveSettings(ground_truth=plan["ground_truth"], accumulate="where_possible")
+    settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m, drive)
     bags = [Path(bag) for bag in plan["bags"]]
     validation_bags = [Path(bag) for bag in plan["validation_bags"]]
     task = progress.add_task("samples", total=len(bags) + len(validation_bags), status="")
@@ -182,8 +192,9 @@ def _load(plan: dict[str, Any], recipe: TrainingConfig, processes: int, progress
     def on_bag(bag: Path) -> None:
         progress.update(task, advance=1, status=bag.name)
 
+    cache, hold_out = Path(plan["cache"]), recipe.validation.hold_out
     return load_data(
-        bags, validation_bags, recipe.validation.hold_out, Path(plan["cache"]), settings, processes, on_bag
+        bags, validation_bags, hold_out, cache, settings, processes, on_bag, lambda note: progress.console.print(note)
     )
 
 

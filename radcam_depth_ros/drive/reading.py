@@ -38,20 +38,15 @@ def prime(reader: BagReader, intake: Intake, topics: SensorTopics) -> None:
         break
 
 
-def warn(sentence: str) -> None:
-    """Tells of something by Python's warnings."""
-    warnings.warn(sentence, DriveWarning, stacklevel=2)
-
-
 def read_samples(
-    path: Path | str, settings: DriveSettings | None = None, tell: Callable[[str], None] = warn
+    path: Path | str, settings: DriveSettings | None = None, tell: Callable[[str], None] | None = None
 ) -> Iterator[Sample]:
     """Reads a bag's frames with their ground truth, in order, each image that has one camera_info.
 
     Args:
         path: A rosbag2 folder or .mcap file.
         settings: How to read it.
-        tell: Told, in a sentence each, of what the bag lacks but can be done without.
+        tell: Told, in a sentence each, of what the bag lacks but can be done without; a `DriveWarning` by default.
 
     Raises:
         RadcamDepthError: when the bag lacks what a frame needs, or holds a message that cannot be used; at the end, or
@@ -59,15 +54,16 @@ def read_samples(
     """
     settings = settings or DriveSettings()
 
-    def tell_of_bag(sentence: str) -> None:
-        tell(f"{path}: {sentence}")
+    def warn(sentence: str) -> None:
+        warnings.warn(f"{path}: {sentence}", DriveWarning, stacklevel=2)
 
+    tell = tell or warn
     with BagReader(path) as reader, BagReader(path) as ahead:
         topics = settings.topics(reader)
         intake = Intake(settings.intake(topics))
         prime(reader, intake, topics)
         accumulator = Accumulator(ahead, topics, intake.transforms, settings.accumulation)
-        truth = GroundTruth(topics, settings, intake.transforms, accumulator, tell_of_bag)
+        truth = GroundTruth(topics, settings, intake.transforms, accumulator, tell)
         fit = _Fit(topics, settings, intake, truth)
         waiting: deque[Frame] = deque()
         wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics}
@@ -82,7 +78,7 @@ def read_samples(
         waiting.extend(intake.flush())
         for frame in waiting:
             yield fit.counted(truth.sample(frame))
-        fit.judge(tell_of_bag)
+        fit.judge(tell)
 
 
 class _Fit:

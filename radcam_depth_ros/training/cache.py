@@ -58,6 +58,7 @@ def cached_drives(
     settings: CacheSettings,
     processes: int = 1,
     on_bag: Callable[[Path], None] = lambda bag: None,
+    on_note: Callable[[str], None] = lambda note: None,
 ) -> tuple[CachedDrive, ...]:
     """The cached drives of some bags; those that are missing, or whose bag or settings changed, are built.
 
@@ -67,6 +68,7 @@ def cached_drives(
         settings: What samples are made with.
         processes: Bags that are read at once.
         on_bag: Called after each bag that is ready.
+        on_note: Told what the bags lack, once for all that lack the same.
 
     Raises:
         TrainingError: for a bag without any frame with ground truth, or when the cache cannot be written.
@@ -97,7 +99,19 @@ def cached_drives(
         for bag in missing:
             build_drive(bag, places[bag], settings)
             on_bag(bag)
-    return tuple(CachedDrive(places[bag]) for bag in bags)
+    drives = tuple(CachedDrive(places[bag]) for bag in bags)
+    _tell_notes(drives, on_note)
+    return drives
+
+
+def _tell_notes(drives: Sequence[CachedDrive], on_note: Callable[[str], None]) -> None:
+    sources: dict[str, list[str]] = {}
+    for drive in drives:
+        for note in drive.card.notes:
+            sources.setdefault(note, []).append(drive.card.source)
+    for note, bags in sources.items():
+        others = f" and {len(bags) - 1} more bags" if len(bags) > 1 else ""
+        on_note(f"{bags[0]}{others}: {note}")
 
 
 def build_drive(bag: Path, place: Path, settings: CacheSettings) -> None:
