@@ -63,6 +63,8 @@ class ContextEncoder(MobileNetV2):
     """
 
     CHANNELS = (24, 32, 96)
+    mean: Tensor
+    deviation: Tensor
 
     def __init__(self) -> None:
         super().__init__(groups=5)

@@ -43,8 +43,8 @@ class RoadVotes(nn.Module):
         self.votes = nn.Conv2d(FEATURES, 2, 1)
         # Logarithms of what is told, of the three coefficients; first where it is assumed, then where it is known.
         self.trust = nn.Parameter(torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]))
-        nn.init.zeros_(self.votes.weight)
-        nn.init.zeros_(self.votes.bias)
+        for parameter in self.votes.parameters():
+            nn.init.zeros_(parameter)
 
     def forward(self, maps: list[Tensor], ground: Tensor) -> Tensor:
         """Takes the encoder's maps and (B, 4) a, b, c, whether known, to the same with a, b, c corrected."""
@@ -81,4 +81,5 @@ class RoadVotes(nn.Module):
 
 
 def _volume(first: Tensor, second: Tensor, third: Tensor) -> Tensor:
-    return (first * torch.linalg.cross(second, third, dim=1)).sum(dim=1)
+    volume: Tensor = (first * torch.linalg.cross(second, third, dim=1)).sum(dim=1)
+    return volume

@@ -121,15 +121,25 @@ def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | No
         radar[index, : len(sample.radar)] = sample.radar
         valid[index, : len(sample.radar)] = True
     ground = np.stack([ground_coefficients(sample.ground.or_assumed(), sample.camera) for sample in samples])
+    # Where one ground truth serves as both it stands for the single one too.
+    singles = [sample.depth_m if sample.depth_single_m is None else sample.depth_single_m for sample in samples]
+    differ = any(sample.depth_single_m is not None for sample in samples)
+    # All arithmetic is numpy's: a thread that uses torch's gets a team of OpenMP threads of its own, and with more such
+    # threads than processors those of the thread that trains stop spinning while they wait.
     return Batch(
         image=torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2),
         radar=torch.from_numpy(radar),
         valid=torch.from_numpy(valid),
         ground=torch.from_numpy(ground),
-        depth_accumulated_m=torch.from_numpy(np.stack([sample.depth_m for sample in samples])).float().unsqueeze(1),
-        depth_single_m=None,
+        depth_accumulated_m=_depths([sample.depth_m for sample in samples]),
+        depth_single_m=_depths(singles) if differ else None,
         classes=torch.from_numpy(np.stack([sample.classes for sample in samples])),
     )
+
+
+def _depths(depths_m: Sequence[npt.NDArray[np.float16]]) -> Tensor:
+    """(B, 1, H, W) float32."""
+    return torch.from_numpy(np.stack(depths_m).astype(np.float32)[:, None])
 
 
 class BatchMaker:

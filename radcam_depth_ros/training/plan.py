@@ -26,6 +26,7 @@ class RunPlan:
         validation_bags: Bags to choose the best weights by; some of `bags` are held out where there are none.
         rehearsal_bags: Bags to rehearse; simulated where there are none and the recipe rehearses.
         cache: Folder of prepared samples.
+        ground_truth: As in `DriveSettings`.
         init: Weights to start from: a network's name, or a file; random where there are none.
     """
 
@@ -36,6 +37,7 @@ class RunPlan:
     rehearsal_bags: tuple[str, ...] = ()
     cache: str = "cache"
     init: str | None = None
+    ground_truth: str = "any"
 
     def write(self, folder: Path) -> None:
         """Writes `run.yaml` into the run's folder."""

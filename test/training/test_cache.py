@@ -59,7 +59,7 @@ def test_a_cache_is_read_again_only_when_bag_or_settings_change(
 def test_a_bag_that_fails_leaves_nothing_behind(
     tmp_path: Path, make_bags: Callable[[int], list[Path]], frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails(path: Path, settings: DriveSettings) -> Iterator[Sample]:
+    def fails(path: Path, settings: DriveSettings, tell: Callable[[str], None]) -> Iterator[Sample]:
         yield from frames(0, 2)
         raise TrainingError("the bag ends here")
 
@@ -78,7 +78,7 @@ def test_a_bag_without_ground_truth_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     blind = [dataclasses.replace(sample, source="none") for sample in frames(0, count)]
-    monkeypatch.setattr(cache, "read_samples", lambda path, settings: iter(blind))
+    monkeypatch.setattr(cache, "read_samples", lambda path, settings, tell: iter(blind))
     with pytest.raises(TrainingError, match=r"no frame with ground truth.*LiDAR"):
         build_drive(make_bags(1)[0], tmp_path / "drive", SETTINGS)
 
@@ -89,13 +89,13 @@ def test_a_camera_that_changes_is_refused(
     first, second = frames(0, 2)
     other = dataclasses.replace(second.frame, camera=dataclasses.replace(second.frame.camera, cx=50.0))
     samples = [first, dataclasses.replace(second, frame=other)]
-    monkeypatch.setattr(cache, "read_samples", lambda path, settings: iter(samples))
+    monkeypatch.setattr(cache, "read_samples", lambda path, settings, tell: iter(samples))
     with pytest.raises(TrainingError, match="camera changes"):
         build_drive(make_bags(1)[0], tmp_path / "drive", SETTINGS)
 
 
 def test_a_damaged_cache_is_told(tmp_path: Path, drive: CachedDrive) -> None:
-    (tmp_path / "drive" / "image.raw").write_bytes(b"short")
+    (tmp_path / "drive" / "samples.raw").write_bytes(b"short")
     with pytest.raises(TrainingError, match="damaged"):
         CachedDrive(tmp_path / "drive")
 
