@@ -190,12 +190,12 @@ def prefetch(
     maker: BatchMaker,
     position: int,
     count: int,
-    size: tuple[int, int],
+    sizes: Sequence[tuple[int, int]],
     pool: ThreadPoolExecutor,
     ahead: int,
-    step: int = 0,
+    step: int,
 ) -> Generator[Batch, None, None]:
-    """Endless batches from `position` on, one every `step` (by default `count`) samples.
+    """Endless batches from `position` on, one every `step` samples, each of one of the sizes.
 
     `ahead` of them are in the making in the pool's threads.
     """
@@ -203,8 +203,9 @@ def prefetch(
     try:
         while True:
             while len(waiting) < ahead:
+                size = sizes[int(np.random.default_rng((3, position // step)).integers(len(sizes)))]
                 waiting.append(pool.submit(maker.make, position, count, size))
-                position += step or count
+                position += step
             yield waiting.popleft().result()
     finally:
         for future in waiting:

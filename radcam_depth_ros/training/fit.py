@@ -185,11 +185,11 @@ class Trainer:
     def _run_stage(self, stage: StageConfig, should_stop: Callable[[], bool], pool: ThreadPoolExecutor) -> bool:
         """Iterates until the stage or the run ends; whether somebody stopped it."""
         tallest, widest = self._data.largest
-        size = (min(stage.height, tallest), min(stage.width, widest))
+        sizes = [(min(height, tallest), min(width, widest)) for height, width in stage.crops]
         count = self._ranks.part_of(stage.batch)
         place = self.state.position + self._ranks.rank * count
         ahead = self._config.loader_threads + 2
-        with closing(prefetch(self._maker, place, count, size, pool, ahead, stage.batch)) as batches:
+        with closing(prefetch(self._maker, place, count, sizes, pool, ahead, stage.batch)) as batches:
             while not self._agree(should_stop()):
                 if self._is_finished() or self._config.stage(self._progress()) is not stage:
                     return False

@@ -16,25 +16,25 @@ from radcam_depth_ros.training.samples import TrainingError
 
 @dataclass(frozen=True)
 class StageConfig:
-    """A stretch of training with one crop size.
+    """A stretch of training.
 
     Attributes:
         share: Its share of the whole training; the shares of all stages sum to 1.
-        height: Of the crops, a multiple of 32.
-        width: Of the crops, a multiple of 32.
+        crops: Heights and widths, multiples of 32; each batch takes one of them at random. Images come in many shapes,
+            and a network that has seen one alone takes its border for a part of the street.
         batch: Samples an iteration.
         parts: Parts of the network that learn, by name; all when there are none. The others stay as they are.
     """
 
     share: float
-    height: int
-    width: int
+    crops: tuple[tuple[int, int], ...]
     batch: int
     parts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.height < 32 or self.width < 32 or self.height % 32 or self.width % 32:
-            raise TrainingError(f"crops must have sides that are multiples of 32, got {self.height} x {self.width}")
+        sides = [side for crop in self.crops for side in crop]
+        if not sides or min(sides) < 32 or any(side % 32 for side in sides):
+            raise TrainingError(f"crops must have sides that are multiples of 32, got {list(self.crops)}")
         if self.batch < 1 or self.share <= 0:
             raise TrainingError(f"a stage needs a batch and a share above 0, got {self.batch} and {self.share}")
 
@@ -120,7 +120,7 @@ class TrainingConfig:
         loader_threads: Threads that make batches.
         log_every_iterations: Between two lines of training losses.
         checkpoint_every_minutes: Between two checkpoints.
-        stages: Crop sizes.
+        stages: Crops, and which parts learn.
         optimiser: Optimiser.
         loss: Losses.
         augmentation: Augmentation.
@@ -139,7 +139,7 @@ class TrainingConfig:
     loader_threads: int = 1
     log_every_iterations: int = 50
     checkpoint_every_minutes: float = 5.0
-    stages: tuple[StageConfig, ...] = (StageConfig(1.0, 320, 256, 4),)
+    stages: tuple[StageConfig, ...] = (StageConfig(1.0, ((320, 256), (224, 384)), 4),)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     loss: LossConfig = field(default_factory=LossConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
@@ -180,7 +180,7 @@ FINE_TUNING = TrainingConfig(
     iterations=1500,
     minutes=20.0,
     log_every_iterations=25,
-    stages=(StageConfig(1.0, 320, 352, 4),),
+    stages=(StageConfig(1.0, ((320, 352), (224, 512)), 4),),
     optimiser=OptimiserConfig(learning_rate=2e-4, average_decay=0.99),
     validation=ValidationConfig(every_iterations=150),
     rehearsal=RehearsalConfig(share=0.5),

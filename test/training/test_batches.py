@@ -54,7 +54,7 @@ def test_rehearsals_are_an_even_share_of_the_samples(drive: CachedDrive) -> None
 
 def test_batches_made_ahead_come_in_order(drive: CachedDrive) -> None:
     maker = BatchMaker(SampleSet.of([drive]), AugmentationConfig(), 0)
-    with ThreadPoolExecutor(2) as pool, closing(prefetch(maker, 4, 2, (32, 64), pool, 3)) as batches:
+    with ThreadPoolExecutor(2) as pool, closing(prefetch(maker, 4, 2, [(32, 64)], pool, 3, 2)) as batches:
         for position in (4, 6, 8, 10, 12):
             assert torch.equal(next(batches).image, maker.make(position, 2, (32, 64)).image)
 

@@ -62,7 +62,7 @@ class Miniature(Network):
 CONFIG = TrainingConfig(
     iterations=6,
     log_every_iterations=2,
-    stages=(StageConfig(0.5, 64, 64, 2), StageConfig(0.5, 64, 96, 1)),
+    stages=(StageConfig(0.5, ((64, 64),), 2), StageConfig(0.5, ((64, 96),), 1)),
     optimiser=OptimiserConfig(warm_up_iterations=2),
     validation=ValidationConfig(every_iterations=4, frames=1),
 )
@@ -158,7 +158,7 @@ def test_a_few_samples_are_learned_by_heart(tmp_path: Path, data: TrainingData) 
     config = TrainingConfig(
         iterations=60,
         log_every_iterations=5,
-        stages=(StageConfig(1.0, 64, 128, 2),),
+        stages=(StageConfig(1.0, ((64, 128),), 2),),
         optimiser=OptimiserConfig(learning_rate=1e-2, warm_up_iterations=3, average_decay=0.5),
         augmentation=plain,
         validation=ValidationConfig(every_iterations=100, frames=1),
@@ -169,7 +169,7 @@ def test_a_few_samples_are_learned_by_heart(tmp_path: Path, data: TrainingData) 
 
 
 def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
-    config = dataclasses.replace(CONFIG, iterations=2, stages=(StageConfig(1.0, 64, 64, 2),))
+    config = dataclasses.replace(CONFIG, iterations=2, stages=(StageConfig(1.0, ((64, 64),), 2),))
     result, trainer, _ = run(data, tmp_path / "run", config, network="baff")
     assert result.finished
     assert archive.load(result.archive or "").card.network == "baff"
@@ -177,7 +177,7 @@ def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
 
 
 def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> None:
-    stages = (StageConfig(0.5, 64, 64, 1, ("association",)), StageConfig(0.5, 64, 64, 1, ("fusion",)))
+    stages = (StageConfig(0.5, ((64, 64),), 1, ("association",)), StageConfig(0.5, ((64, 64),), 1, ("fusion",)))
     config = dataclasses.replace(CONFIG, iterations=2, stages=stages)
     states: list[dict[str, Tensor]] = []
     for steps in (0, 1, 2):
@@ -189,7 +189,7 @@ def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> 
 
 
 def test_a_part_that_a_network_does_not_have_is_refused(tmp_path: Path, data: TrainingData) -> None:
-    config = dataclasses.replace(CONFIG, stages=(StageConfig(1.0, 64, 64, 1, ("fusing",)),))
+    config = dataclasses.replace(CONFIG, stages=(StageConfig(1.0, ((64, 64),), 1, ("fusing",)),))
     with pytest.raises(
         TrainingError, match=r"trains 'fusing', which is no part of baff; its parts are encoder, association, fu"
     ):

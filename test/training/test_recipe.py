@@ -36,7 +36,7 @@ def test_what_is_measured_of_the_precision_is_kept() -> None:
 
 
 def test_stages_follow_one_another() -> None:
-    config = TrainingConfig(stages=(StageConfig(0.7, 32, 64, 4), StageConfig(0.3, 64, 96, 2)))
+    config = TrainingConfig(stages=(StageConfig(0.7, ((32, 64),), 4), StageConfig(0.3, ((64, 96),), 2)))
     assert [config.stage(progress).batch for progress in (0.0, 0.69, 0.71, 1.0)] == [4, 4, 2, 2]
 
 
@@ -52,9 +52,9 @@ def test_learning_rates() -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"stages": [{"share": 0.5, "height": 64, "width": 64, "batch": 1}]}, "sum to 1"),
-        ({"stages": [{"share": 1, "height": 60, "width": 64, "batch": 1}]}, "multiples of 32"),
-        ({"stages": [{"share": 1, "height": 64, "width": 64, "batch": 0}]}, "a batch"),
+        ({"stages": [{"share": 0.5, "crops": [[64, 64]], "batch": 1}]}, "sum to 1"),
+        ({"stages": [{"share": 1, "crops": [[60, 64]], "batch": 1}]}, "multiples of 32"),
+        ({"stages": [{"share": 1, "crops": [[64, 64]], "batch": 0}]}, "a batch"),
         ({"optimiser": {"schedule": "linear"}}, "cosine"),
         ({"optimiser": {"learning_rate": -1}}, "learning_rate"),
         ({"precision": "float16"}, "precision"),

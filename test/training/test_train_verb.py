@@ -17,7 +17,7 @@ from radcam_depth_ros.training.recipe import FINE_TUNING
 
 RECIPE = {
     "iterations": 2,
-    "stages": [{"share": 1.0, "height": 64, "width": 64, "batch": 1}],
+    "stages": [{"share": 1.0, "crops": [[64, 64]], "batch": 1}],
     "validation": {"frames": 1},
 }
 
