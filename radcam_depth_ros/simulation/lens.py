@@ -41,7 +41,7 @@ class Lens:
         self._shutter_s = float(np.exp(rng.uniform(np.log(3e-4), np.log(5e-3))))
         self._balance = np.exp(rng.normal(0, [0.07, 0.02, 0.09]) * (3 if random else 1)).astype(np.float32)
         self._saturation = float(rng.uniform(0.45, 1.5)) if rng.random() < 0.97 else 0.0
-        self._tone = np.stack([_tone_curve(rng, random)] * 3 if not random else [_tone_curve(rng, True) for _ in "rgb"])
+        self._tone = [_tone_curve(rng, random) for _ in range(3 if random else 1)]
         self._sharpen = float(rng.uniform(0, 1.0)) if rng.random() < 0.5 else 0.0
         self._halo_px = float(rng.uniform(0.6, 1.6))
         self._mosaic = bool(rng.random() < 0.5)
@@ -55,7 +55,7 @@ class Lens:
         Args:
             radiance: Relative to a white surface under the open sky.
             rng: For noise and exposure control.
-            motion_px_s: (H, W, 2) motion through the picture, pixels a second.
+            motion_px_s: (H, W, 2) motion through the picture, pixels a second; may be coarser than the picture.
         """
         height = len(radiance)
         luminance = radiance[::4, ::4] @ np.array([0.25, 0.6, 0.15], np.float32)
@@ -74,7 +74,11 @@ class Lens:
         light = self._coloured(light)
         # The square root spends the table's entries where the curve is steep.
         index = (np.sqrt(np.minimum(light, _BRIGHTEST)) * _STEPS).astype(np.uint16)
-        picture = np.stack([self._tone[channel][index[..., channel]] for channel in range(3)], axis=-1)
+        picture = (
+            self._tone[0][index]
+            if len(self._tone) == 1
+            else np.stack([tone[index[..., channel]] for channel, tone in enumerate(self._tone)], axis=-1)
+        )
         if self._sharpen > 0:
             picture = picture + self._sharpen * (picture - cv2.GaussianBlur(picture, (0, 0), self._halo_px))
         return np.asarray(np.clip(picture + 0.5, 0, 255), np.uint8)

@@ -101,8 +101,9 @@ def motion_field(
     velocity: FloatArray,
     own_velocity: npt.NDArray[np.float64],
     own_turn: npt.NDArray[np.float64],
+    step: int = 1,
 ) -> FloatArray:
-    """(H, W, 2) float32, how fast things move through the picture, pixels a second.
+    """(H / step, W / step, 2) float32, how fast things move through the picture, pixels a second.
 
     Args:
         camera: Intrinsics.
@@ -111,10 +112,12 @@ def motion_field(
         velocity: (H, W, 3) of what is seen, m/s in world axes.
         own_velocity: (3,) of the camera, m/s in world axes.
         own_turn: (3,) of the camera, rad/s in world axes.
+        step: Of so many rows and columns one each is looked at.
     """
     height, width = depth_m.shape
-    x = ((np.arange(width, dtype=np.float32) - np.float32(camera.cx)) / np.float32(camera.fx))[None]
-    y = ((np.arange(height, dtype=np.float32) - np.float32(camera.cy)) / np.float32(camera.fy))[:, None]
+    depth_m, velocity = depth_m[::step, ::step], velocity[::step, ::step]
+    x = ((np.arange(0, width, step, dtype=np.float32) - np.float32(camera.cx)) / np.float32(camera.fx))[None]
+    y = ((np.arange(0, height, step, dtype=np.float32) - np.float32(camera.cy)) / np.float32(camera.fy))[:, None]
     into_camera = world_from_camera.rotation.astype(np.float32)
     vx, vy, vz = np.moveaxis((velocity - own_velocity.astype(np.float32)) @ into_camera, -1, 0)
     wx, wy, wz = own_turn.astype(np.float32) @ into_camera
@@ -125,10 +128,11 @@ def motion_field(
 
 
 def smeared(light: FloatArray, shift_px: FloatArray) -> FloatArray:
-    """Light (H, W, 3) that moves by (H, W, 2) pixels while the shutter is open."""
-    if np.percentile(np.abs(shift_px[::8, ::8]), 95) < 0.7:
+    """Light (H, W, 3) that moves by (H, W, 2) pixels while the shutter is open; the shift may be coarser."""
+    if np.percentile(np.abs(shift_px), 95) < 0.7:
         return light
     height, width = light.shape[:2]
+    shift_px = cv2.resize(shift_px, (width, height), interpolation=cv2.INTER_LINEAR)
     column, row = np.arange(width, dtype=np.float32)[None], np.arange(height, dtype=np.float32)[:, None]
     total = np.zeros_like(light)
     for step in np.linspace(-0.5, 0.5, _SMEAR_STEPS, dtype=np.float32):

@@ -185,7 +185,7 @@ class Drive:
         config, rng = self.config.camera, self._random(Stream.CAMERA, event)
         view = render(scene, self.rig.camera, pose, self._shader, config.edge_samples, rng)
         velocity = motion.velocity_at(self.rig.footprint_from(frames_of.CAMERA).translation)
-        moved = motion_field(self.rig.camera, pose, view.depth_m, view.velocity, velocity, motion.rotation_rate)
+        moved = motion_field(self.rig.camera, pose, view.depth_m, view.velocity, velocity, motion.rotation_rate, step=4)
         image = self._lens.develop(view.radiance, rng, moved)
         stamp_ns, frame = self.stamp_ns(event.time_s), frames_of.CAMERA
         if config.jpeg:
