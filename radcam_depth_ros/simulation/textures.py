@@ -60,7 +60,7 @@ class TextureAtlas:
         x = self._left[level] + column * pitch + _BORDER - 0.5 + (uv[:, 0] - np.floor(uv[:, 0])) * size
         y = row * pitch + _BORDER - 0.5 + (uv[:, 1] - np.floor(uv[:, 1])) * size
         count, width = len(x), 1024
-        rows = -(-count // width)
+        rows = max(1, -(-count // width))
         maps = np.zeros((2, rows * width), np.float32)
         maps[0, :count], maps[1, :count] = x, y
         found = cv2.remap(

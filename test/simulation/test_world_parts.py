@@ -175,3 +175,9 @@ def test_a_scene_does_not_depend_on_what_was_asked_before(street: StreetKind) ->
     assert np.array_equal(first.distance_m, second.distance_m)
     assert np.array_equal(first.face, second.face)
     assert (first.face >= 0).mean() > 0.4
+
+
+def test_looking_nothing_up_gives_nothing() -> None:
+    none = np.zeros(0, np.float32)
+    colour, gloss = TextureAtlas(np.random.default_rng(0)).sample(np.zeros(0, np.uint8), none.reshape(0, 2), none)
+    assert (colour.shape, gloss.shape) == ((0, 3), (0,))

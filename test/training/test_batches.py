@@ -20,7 +20,7 @@ def test_a_batch_has_the_layout_that_networks_take(drive: CachedDrive) -> None:
     assert batch.radar.shape == (2, 16, 6)
     assert batch.valid.sum(dim=1).tolist() == [3, 3]
     assert torch.isfinite(batch.radar[~batch.valid]).all()
-    assert batch.ground.shape == (2, 3)
+    assert batch.ground.shape == (2, 4)
     assert batch.depth_accumulated_m.shape == (2, 1, 64, 128)
     assert torch.isinf(batch.depth_accumulated_m[0, 0, 0, 1])
     assert batch.classes.shape == (2, 64, 128)
