@@ -61,7 +61,8 @@ class PointEncoder(nn.Module):
                 log_depth,
                 depth / self.max_depth_m,
                 10.0 / (depth + 10.0),
-                (torch.nan_to_num(rcs) / 20.0).clamp(-3.0, 3.0),
+                # Some radars give a level above their noise in place of a cross section: up to 100 dB.
+                (torch.nan_to_num(rcs) / 20.0).clamp(-3.0, 5.0),
                 torch.isfinite(rcs).to(radar.dtype),
                 (torch.nan_to_num(speed) / 20.0).clamp(-3.0, 3.0),
                 torch.isfinite(speed).to(radar.dtype),
