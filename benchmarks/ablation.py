@@ -133,7 +133,8 @@ class Ablation:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
-        recipe: dict[str, Any] = yaml.safe_load(options.config.read_text(encoding="utf-8")) if options.config else {}
+        text = options.config.read_text(encoding="utf-8") if options.config else ""
+        recipe: dict[str, Any] = yaml.safe_load(text) or {}
         full = dataclasses.replace(Budget.of(options, recipe), frames=min(options.frames, LAST_VALIDATION_FRAMES))
         self._groups = {False: _Group(full, find_bags(options.test_bags))}
         if any(FORMS[name].has_few_returns for name in options.forms):
