@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import signal
 import statistics
 from collections.abc import Mapping, Sequence
@@ -36,7 +37,7 @@ from radcam_depth_ros.benchmarking.rotation import Schedule, in_rotation
 from radcam_depth_ros.benchmarking.stages import Stage, dissect
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.cli.options import write_json
-from radcam_depth_ros.evaluation.metrics import DepthAccumulator, SemiDenseAccumulator
+from radcam_depth_ros.evaluation.metrics import DepthAccumulator, SemiDenseAccumulator, json_number
 from radcam_depth_ros.networks import archive, registry
 from radcam_depth_ros.training.batches import SampleSet, collate
 from radcam_depth_ros.training.cache import CacheSettings, cached_drives
@@ -132,7 +133,8 @@ class Ablation:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
-        recipe: dict[str, Any] = yaml.safe_load(options.config.read_text(encoding="utf-8")) if options.config else {}
+        text = options.config.read_text(encoding="utf-8") if options.config else ""
+        recipe: dict[str, Any] = yaml.safe_load(text) or {}
         full = dataclasses.replace(Budget.of(options, recipe), frames=min(options.frames, LAST_VALIDATION_FRAMES))
         self._groups = {False: _Group(full, find_bags(options.test_bags))}
         if any(FORMS[name].has_few_returns for name in options.forms):
@@ -162,9 +164,11 @@ class Ablation:
         asked = {"bags": [str(bag.resolve()) for bag in group.test_bags], "frames": self._options.frames}
         known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         if {key: known.get(key) for key in asked} != asked:
-            known = {**asked, "errors": measure(training.weights, group.samples(self._options.frames))}
+            found = measure(training.weights, group.samples(self._options.frames))
+            known = {**asked, "errors": {column: json_number(value) for column, value in found.items()}}
             write_json(known, str(path))
-        errors: dict[str, float] = known["errors"]
+        # Where the semi-dense depth is empty it has no error.
+        errors = {column: math.nan if value is None else value for column, value in known["errors"].items()}
         self.errors[name][seed] = errors
         return errors
 
@@ -178,11 +182,16 @@ class Ablation:
             "returns": self._options.returns,
             "forms": {
                 name: {
-                    "seeds": {str(seed): row for seed, row in rows.items()},
-                    "mean": {column: statistics.fmean(row[column] for row in rows.values()) for column in COLUMNS},
-                    "spread": {column: _spread([row[column] for row in rows.values()]) for column in COLUMNS},
+                    "seeds": {str(seed): _plain(row) for seed, row in rows.items()},
+                    "mean": _plain({column: statistics.fmean(_column(rows, column)) for column in COLUMNS}),
+                    "spread": _plain({column: _spread(_column(rows, column)) for column in COLUMNS}),
                     "against": reference_of(name),
-                    "relative": {column: list(relative(self.errors, name, column)) for column in ERRORS},
+                    "relative": {
+                        column: dict(
+                            zip(("mean", "spread"), map(json_number, relative(self.errors, name, column)), strict=True)
+                        )
+                        for column in ERRORS
+                    },
                 }
                 for name, rows in self.errors.items()
                 if rows
@@ -190,18 +199,27 @@ class Ablation:
         }
 
 
-def _spread(values: Sequence[float]) -> float | None:
-    """Standard deviation over seeds; None where there are too few to say."""
-    return statistics.stdev(values) if len(values) > 1 else None
+def _column(rows: Mapping[int, Mapping[str, float]], column: str) -> list[float]:
+    return [row[column] for row in rows.values()]
 
 
-def relative(
-    errors: Mapping[str, Mapping[int, Mapping[str, float]]], name: str, column: str
-) -> tuple[float | None, float | None]:
-    """How much larger a form's error is than its reference's, as a share: mean and deviation over common seeds."""
+def _plain(values: Mapping[str, float]) -> dict[str, float | int | None]:
+    return {name: json_number(value) for name, value in values.items()}
+
+
+def _spread(values: Sequence[float]) -> float:
+    """Standard deviation over seeds; NaN where there are too few to say."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
+
+
+def relative(errors: Mapping[str, Mapping[int, Mapping[str, float]]], name: str, column: str) -> tuple[float, float]:
+    """How much larger a form's error is than its reference's, as a share: mean and deviation over common seeds.
+
+    NaN where there are none, or too few to say.
+    """
     rows, others = errors[name], errors.get(reference_of(name), {})
     ratios = [rows[seed][column] / others[seed][column] - 1.0 for seed in rows if seed in others]
-    return (statistics.fmean(ratios), _spread(ratios)) if ratios else (None, None)
+    return (statistics.fmean(ratios), _spread(ratios)) if ratios else (math.nan, math.nan)
 
 
 def tables(ablation: Ablation) -> tuple[Table, Table]:
@@ -214,7 +232,7 @@ def tables(ablation: Ablation) -> tuple[Table, Table]:
             table.add_column(column.replace("_", " "), justify="right")
     for name, rows in ablation.errors.items():
         if rows:
-            cells = [_cell([row[column] for row in rows.values()], column) for column in COLUMNS]
+            cells = [_cell(_column(rows, column), column) for column in COLUMNS]
             absolute.add_row(name, str(len(rows)), *cells)
             pairs = (relative(ablation.errors, name, column) for column in ERRORS)
             change.add_row(name, str(len(rows)), *(_percent(mean, spread) for mean, spread in pairs))
@@ -225,13 +243,13 @@ def _cell(values: Sequence[float], column: str) -> str:
     scale, digits = (100, 1) if column == "coverage" else (1, 3)
     spread = _spread(values)
     mean = f"{scale * statistics.fmean(values):.{digits}f}"
-    return mean if spread is None else f"{mean} ± {scale * spread:.{digits}f}"
+    return mean if math.isnan(spread) else f"{mean} ± {scale * spread:.{digits}f}"
 
 
-def _percent(mean: float | None, spread: float | None) -> str:
-    if mean is None:
+def _percent(mean: float, spread: float) -> str:
+    if math.isnan(mean):
         return "-"
-    return f"{100 * mean:+.1f} %" if spread is None else f"{100 * mean:+.1f} ± {100 * spread:.1f} %"
+    return f"{100 * mean:+.1f} %" if math.isnan(spread) else f"{100 * mean:+.1f} ± {100 * spread:.1f} %"
 
 
 def time_associations(size: tuple[int, int], returns: Sequence[int], rounds: int) -> list[dict[str, float]]:
@@ -253,8 +271,8 @@ def time_associations(size: tuple[int, int], returns: Sequence[int], rounds: int
 
 def _association(form: Form, size: Size) -> Stage:
     running = Running.start(Subject("baff", architecture=form.architecture, precision="float32"))
-    anatomy = dissect(running, NetworkInputs.synthetic(size, running.focal_length_px))
-    return next(stage for stage in anatomy.stages if stage.name == "association")
+    (stage,) = dissect(running, NetworkInputs.synthetic(size, running.focal_length_px), "association").stages
+    return stage
 
 
 def time_table(rows: Sequence[Mapping[str, float]]) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import heapq
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -169,16 +169,27 @@ class PanelKeeper:
     def __init__(self, count: int = 4, worst: int = 3) -> None:
         self._count, self._worst_count = count, worst
         self._seen, self._step = 0, 1
-        self._kept: list[tuple[int, Observation]] = []
-        self._worst: list[Observation] = []
+        self._kept: list[tuple[int, Panel]] = []
+        self._worst: list[tuple[float, Panel]] = []
 
     def add(self, observation: Observation) -> None:
         """Looks at a frame; frames come in order."""
-        if math.isfinite(observation.mae_m):
-            self._worst = heapq.nlargest(self._worst_count, [*self._worst, observation], key=lambda item: item.mae_m)
-        if self._seen % self._step == 0 and self._count:
-            self._kept.append((self._seen, observation))
+        number, mae_m = self._seen, observation.mae_m
         self._seen += 1
+        is_even = self._count > 0 and number % self._step == 0
+        # A comparison with NaN, of a frame without ground truth, is false.
+        is_bad = self._worst_count > 0 and mae_m > (
+            self._worst[-1][0] if len(self._worst) == self._worst_count else -1.0
+        )
+        if not is_even and not is_bad:
+            return
+        # What is not shown is not kept: full images of a few frames are much memory.
+        panel = _panel(observation)
+        if is_bad:
+            worst = [*self._worst, (mae_m, panel)]
+            self._worst = sorted(worst, key=lambda entry: -entry[0])[: self._worst_count]
+        if is_even:
+            self._kept.append((number, panel))
         if len(self._kept) > 2 * self._count:
             self._step *= 2
             self._kept = [kept for kept in self._kept if kept[0] % self._step == 0]
@@ -186,17 +197,18 @@ class PanelKeeper:
     def panels(self) -> tuple[Panel, ...]:
         """The frames that were kept, in their order, then the worst ones, the worst of all first."""
         picks = np.unique(np.linspace(0, len(self._kept) - 1, min(self._count, len(self._kept))).round().astype(int))
-        panels = [_panel(self._kept[pick][1], "") for pick in picks]
-        for place, observation in enumerate(self._worst):
-            panels.append(_panel(observation, ", the worst" if not place else f", number {place + 1} of the worst"))
+        panels = [self._kept[pick][1] for pick in picks]
+        for place, (_, panel) in enumerate(self._worst):
+            remark = "the worst" if not place else f"number {place + 1} of the worst"
+            panels.append(dataclasses.replace(panel, title=f"{panel.title}, {remark}"))
         return tuple(panels)
 
 
-def _panel(observation: Observation, remark: str) -> Panel:
+def _panel(observation: Observation) -> Panel:
     frame, name = observation.sample.frame, observation.drive.name
     error = f", MAE {observation.mae_m:.2f} m" if math.isfinite(observation.mae_m) else ""
     place = f"frame {observation.index}{f' of {name}' if name else ''}"
-    title = f"{place}, stamp {frame.stamp_ns / 1e9:.3f} s{error}{remark}"
+    title = f"{place}, stamp {frame.stamp_ns / 1e9:.3f} s{error}"
     geometry_m = observation.baselines.get("ground_nearest")
     return Panel.of(title, frame, observation.result, observation.sample.depth_m, geometry_m)
 

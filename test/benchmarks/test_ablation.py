@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,16 +10,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
+import yaml
 from typer.testing import CliRunner
 
 from benchmarks import ablation, short_training
 from benchmarks.ablation import COLUMNS, EMBEDDING, ERRORS, FORMS, NONE, REGIONS, relative, time_associations
+from benchmarks.short_training import Budget, ShortTraining
 from benchmarks.thinned_bags import thinned_bags
-from radcam_depth_ros import networks
+from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.cli import app
 from radcam_depth_ros.drive import read_samples
-from radcam_depth_ros.training.fit import CHECKPOINT
+from radcam_depth_ros.networks import archive
+from radcam_depth_ros.training.fit import CHECKPOINT, METRICS
+from radcam_depth_ros.training.recipe import TrainingConfig
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -34,76 +40,111 @@ def test_each_form_can_be_built(name: str) -> None:
 
 
 @pytest.fixture
-def trained(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """Trainings run in this process; the list is of their commands."""
+def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Nothing is trained: a started training leaves random weights and a validation. The list is of the commands."""
     commands: list[list[str]] = []
 
     def run(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
-        commands.append(command[3:])
-        result = CliRunner().invoke(app, command[3:])
-        return subprocess.CompletedProcess(command, result.exit_code)
+        commands.append(command)
+        folder = Path(command[command.index("--out") + 1])
+        folder.mkdir(parents=True, exist_ok=True)
+        if "fails" in folder.parts:
+            return subprocess.CompletedProcess(command, 2)
+        recipe = yaml.safe_load(folder.with_name(f"{folder.name}.yaml").read_text(encoding="utf-8"))
+        torch.manual_seed(recipe["seed"])
+        network = networks.create("baff", recipe["architecture"])
+        archive.save(network, archive.Card.of(network, "baff", "nothing"), folder / "baff.safetensors")
+        (folder / CHECKPOINT).touch()
+        rows = ({"kind": "train", "step": 1}, {"kind": "validation", "step": 1, "mae_80_m": 2.5})
+        (folder / METRICS).write_text("".join(f"{json.dumps(row)}\n" for row in rows), encoding="utf-8")
+        return subprocess.CompletedProcess(command, 0)
 
     monkeypatch.setattr(short_training.subprocess, "run", run)
     return commands
 
 
+def make_training(folder: Path, iterations: int = 20) -> ShortTraining:
+    budget = Budget((Path("a"), Path("b")), (Path("c"),), Path("cache"), iterations)
+    return ShortTraining(folder, budget, {"bidirectional": False})
+
+
+def test_a_training_is_done_once(tmp_path: Path, started: list[list[str]]) -> None:
+    training = make_training(tmp_path / "run")
+    assert training.run()["mae_80_m"] == 2.5
+    assert training.run()["mae_80_m"] == 2.5
+    (command,) = started
+    assert [command[index + 1] for index, word in enumerate(command) if word == "--bags"] == ["a", "b"]
+    assert "--resume" not in command
+    recipe = configuration.load(TrainingConfig, Path(command[command.index("--config") + 1]))
+    assert (recipe.iterations, recipe.stages[0].batch, recipe.architecture) == (20, 4, {"bidirectional": False})
+    with pytest.raises(SystemExit, match="trained by another recipe"):
+        make_training(tmp_path / "run", iterations=30).run()
+
+
+def test_a_training_that_was_cut_off_goes_on(tmp_path: Path, started: list[list[str]]) -> None:
+    training = make_training(tmp_path / "run")
+    training.run()
+    (tmp_path / "run" / METRICS).unlink()
+    training.run()
+    assert "--resume" in started[1]
+    assert "--bags" not in started[1]
+    # Before its first checkpoint there is nothing to go on with.
+    (tmp_path / "run" / METRICS).unlink()
+    (tmp_path / "run" / CHECKPOINT).unlink()
+    training.run()
+    assert "--resume" not in started[2]
+    assert len(started) == 3
+
+
+def test_a_training_that_fails_is_said(tmp_path: Path, started: list[list[str]]) -> None:
+    with pytest.raises(SystemExit, match=r"run ended with exit code 2; .*run.log says why"):
+        make_training(tmp_path / "fails" / "run").run()
+
+
 @pytest.fixture
-def command(tmp_path: Path, write_drive: Callable[..., Path]) -> list[str]:
-    """Of the smallest ablation that there can be."""
+def ablate(tmp_path: Path, write_drive: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+    """Runs the command on small drives and gives its figures."""
     words = ["ablation"]
     for option, name in (("--bags", "train"), ("--validation-bags", "validation"), ("--test-bags", "1000000")):
         words += [option, str(write_drive(tmp_path / f"{name}.mcap", frames=2))]
     words += ["--iterations", "1", "--batch", "1", "--crop", "64x64", "--frames", "2", "--returns", "2"]
-    return [*words, "--seeds", "1", "--time-returns", "--out", str(tmp_path / "out")]
+    words += ["--out", str(tmp_path / "out"), "--time-returns"]
+
+    def run(*more: str) -> Any:
+        monkeypatch.setattr(sys, "argv", [*words, *more])
+        ablation.main()
+        return json.loads((tmp_path / "out" / "ablation.json").read_text(encoding="utf-8"))
+
+    return run
 
 
-def run(words: list[str], monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    monkeypatch.setattr(sys, "argv", words)
-    ablation.main()
-    out = Path(words[words.index("--out") + 1])
-    figures: dict[str, Any] = json.loads((out / "ablation.json").read_text(encoding="utf-8"))
-    return figures
-
-
-def test_what_is_done_is_not_done_again(
-    command: list[str], trained: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first = run([*command, "--forms", NONE, "all"], monkeypatch)
-    assert len(trained) == 2
+def test_forms_are_held_against_none(ablate: Callable[..., Any], started: list[list[str]]) -> None:
+    chosen = ("--forms", NONE, "all", "--seeds", "2")
+    figures = ablate(*chosen)
+    assert len(started) == 4
     for form in (NONE, "all"):
-        assert set(first["forms"][form]["mean"]) == set(COLUMNS)
-        assert all(np.isfinite(first["forms"][form]["mean"][column]) for column in ERRORS)
-        assert first["forms"][form]["spread"]["mae_80"] is None
-    assert first["forms"][NONE]["relative"]["mae_80"] == [0.0, None]
-    # A run that was cut off before its first checkpoint begins again, one with a checkpoint goes on.
-    (tmp_path / "out" / "all_0" / "baff.safetensors").unlink()
-    (tmp_path / "out" / "none_0" / "baff.safetensors").unlink()
-    (tmp_path / "out" / "none_0" / CHECKPOINT).unlink()
-    again = run([*command, "--forms", NONE, "all", "--seeds", "2"], monkeypatch)
-    assert ["--resume" in words for words in trained[2:4]] == [False, True]
-    assert len(trained) == 6
-    assert set(again["forms"]["all"]["seeds"]) == {"0", "1"}
-    assert again["forms"]["all"]["spread"]["mae_80"] >= 0
-    assert run([*command, "--forms", NONE, "all", "--seeds", "2"], monkeypatch) == again
-    assert len(trained) == 6
-    with pytest.raises(SystemExit, match="trained by another recipe"):
-        run([*command, "--forms", NONE, "--iterations", "2"], monkeypatch)
+        entry = figures["forms"][form]
+        assert set(entry["seeds"]) == {"0", "1"}
+        assert set(entry["mean"]) == set(COLUMNS)
+        assert all(math.isfinite(entry["mean"][column]) for column in ERRORS)
+        assert entry["against"] == NONE
+    assert figures["forms"][NONE]["relative"]["mae_80"] == {"mean": 0.0, "spread": 0.0}
+    assert figures["forms"]["all"]["spread"]["mae_80"] > 0
+    assert ablate(*chosen) == figures
+    assert len(started) == 4
 
 
-def test_regions_are_held_against_embedding(
-    command: list[str], trained: list[list[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    figures = run([*command, "--forms", EMBEDDING, REGIONS], monkeypatch)
+def test_a_form_is_trained_and_regions_too(ablate: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(
+            command, CliRunner().invoke(app, [*command[3:], "--processes", "1"]).exit_code
+        )
+
+    monkeypatch.setattr(short_training.subprocess, "run", run)
+    figures = ablate("--forms", REGIONS, "--seeds", "1")
+    assert math.isfinite(figures["forms"][REGIONS]["mean"]["rmse_80"])
     assert figures["forms"][REGIONS]["against"] == EMBEDDING
-    assert all("few_returns" in words[words.index("--validation-bags") + 1] for words in trained)
-    assert np.isfinite(figures["forms"][REGIONS]["relative"]["rmse_80"][0])
-
-
-def test_a_training_that_fails_is_said(
-    command: list[str], trained: list[list[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(SystemExit, match=r"none_0 ended with exit code 1; .*none_0.log says why"):
-        run([*command, "--forms", NONE, "--crop", "63x64"], monkeypatch)
+    assert figures["forms"][REGIONS]["relative"]["mae_80"] == {"mean": None, "spread": None}
 
 
 def test_changes_are_means_over_common_seeds() -> None:
@@ -111,7 +152,7 @@ def test_changes_are_means_over_common_seeds() -> None:
     mean, spread = relative(errors, "BF", "mae_80")
     assert mean == pytest.approx((-0.25 + 0.0) / 2)
     assert spread == pytest.approx(np.std([-0.25, 0.0], ddof=1))
-    assert relative({"BF": {0: {"mae_80": 2.0}}}, "BF", "mae_80") == (None, None)
+    assert all(map(math.isnan, relative({"BF": {0: {"mae_80": 2.0}}}, "BF", "mae_80")))
 
 
 def test_both_associations_are_timed() -> None:
