@@ -175,11 +175,9 @@ class Trainer:
         return self._folder / f"{self._name}.safetensors"
 
     def save(self) -> None:
-        """Writes the checkpoint and the curves."""
+        """Writes the checkpoint."""
         if self._ranks.is_first:
             save_checkpoint(self._folder / CHECKPOINT, self.state, self._working)
-            metrics = read_metrics(self._folder / METRICS)
-            draw_curves(metrics, self._folder / CURVES, f"{self._name}: {self._folder.name}")
         self._saved_at = time.monotonic()
 
     def _run_stage(self, stage: StageConfig, should_stop: Callable[[], bool], pool: ThreadPoolExecutor) -> bool:
@@ -294,6 +292,9 @@ class Trainer:
             self.state.best_score, self.state.best_step, self.state.worse = score, self.state.step, 0
             if self._ranks.is_first:
                 archive.save(network, self._card(result, known), self.archive_path)
+        if self._ranks.is_first:
+            metrics = read_metrics(self._folder / METRICS)
+            draw_curves(metrics, self._folder / CURVES, f"{self._name}: {self._folder.name}")
         self._observer.on_validation(ValidationReport(self.state.step, result, known, is_best))
 
     def _card(self, result: ValidationResult, known: ValidationResult | None) -> archive.Card:

@@ -27,7 +27,7 @@ class JointBatchNorm(nn.BatchNorm2d):
         """(B, C, H, W), of the same type."""
         if not self.training or self.running_mean is None or self.running_var is None or self.momentum is None:
             return super().forward(x)
-        values = x.float()
+        values = x if x.dtype == torch.float64 else x.float()
         count = values.numel() // values.shape[1] * self._ranks.size
         mean = self._ranks.add_with_gradient(values.sum(dim=(0, 2, 3))) / count
         values = values - mean[:, None, None]

@@ -3,87 +3,20 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 import torch
-from torch import Tensor, nn
+from small_training import CONFIG, Miniature, Watch, data_of
+from torch import Tensor
 
-from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, archive, registry
+from radcam_depth_ros.networks import archive, registry
 from radcam_depth_ros.training.augmentation import AugmentationConfig
-from radcam_depth_ros.training.batches import SampleSet
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.losses import LossConfig
-from radcam_depth_ros.training.observer import StepReport, ValidationReport
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
 from radcam_depth_ros.training.samples import CachedDrive, TrainingError
-
-
-@dataclass(frozen=True)
-class MiniatureConfig:
-    """What every network's config has."""
-
-    focal_length_px: float = 630.0
-    min_depth_m: float = 1.0
-    max_depth_m: float = 100.0
-
-
-class Miniature(Network):
-    """Two convolutions, and one logit a pixel that all returns share: quick, and with all that training asks for."""
-
-    config_type = MiniatureConfig
-
-    def __init__(self, config: MiniatureConfig) -> None:
-        super().__init__(config)
-        self.layers = nn.Sequential(
-            nn.Conv2d(3, 16, 5, padding=2), nn.BatchNorm2d(16), nn.ReLU(), nn.Conv2d(16, 3, 5, padding=2)
-        )
-
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        depths = self.train_outputs(image, radar, valid, ground).depths
-        assert depths is not None
-        return depths
-
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
-        raw = self.layers(image).float()
-        dense = 1 + 99 * torch.sigmoid(raw[:, :1])
-        column = torch.arange(image.shape[3]).expand(*valid.shape, -1)
-        association = Association(
-            raw[:, 1:2].expand(-1, valid.shape[1], -1, -1),
-            radar[:, :, 2:3].unsqueeze(3),
-            torch.where(valid.unsqueeze(2), column, -1),
-        )
-        confidence = raw[:, 2:]
-        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None)
-
-
-CONFIG = TrainingConfig(
-    iterations=6,
-    log_every_iterations=2,
-    stages=(StageConfig(0.5, 64, 64, 2), StageConfig(0.5, 64, 96, 1)),
-    optimiser=OptimiserConfig(warm_up_iterations=2),
-    validation=ValidationConfig(every_iterations=4, frames=1),
-)
-
-
-class Watch:
-    """Counts what a run tells."""
-
-    def __init__(self) -> None:
-        self.steps: list[StepReport] = []
-        self.validations: list[int] = []
-        self.notes: list[str] = []
-
-    def on_step(self, report: StepReport) -> None:
-        self.steps.append(report)
-
-    def on_validation(self, report: ValidationReport) -> None:
-        self.validations.append(report.step)
-
-    def on_note(self, text: str) -> None:
-        self.notes.append(text)
 
 
 @pytest.fixture(autouse=True)
@@ -93,8 +26,7 @@ def _with_miniature(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def data(drive: CachedDrive) -> TrainingData:
-    train, validation = SampleSet.of([drive]).split(0.2)
-    return TrainingData(train, validation, "six made-up frames")
+    return data_of(drive)
 
 
 def run(
