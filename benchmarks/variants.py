@@ -12,18 +12,14 @@ metre say nothing. `--forms` takes some of them alone, `--json FILE` writes the 
 from __future__ import annotations
 
 import argparse
-import json
 import statistics
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
-import yaml
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from benchmarks.short_training import Budget, ShortTraining
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, in_rotation
 from radcam_depth_ros.benchmarking.stages import count_gflop
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
@@ -46,42 +42,6 @@ FORMS: dict[str, dict[str, Any]] = {
     "wider": {"channels": [48, 96, 160, 224]},
     "one block a level": {"blocks": [1, 1, 1, 1]},
 }
-
-
-def train(name: str, options: argparse.Namespace) -> dict[str, float]:
-    """Trains a form, or goes on where it was cut off; its last validation."""
-    folder = options.out / name.replace(" ", "_")
-    command = [sys.executable, "-m", "radcam_depth_ros.cli", "train", "--out", str(folder)]
-    metrics = folder / "metrics.jsonl"
-    if not (folder / "run.yaml").exists():
-        recipe = options.out / f"{folder.name}.yaml"
-        recipe.write_text(yaml.safe_dump(_recipe(FORMS[name], options)), encoding="utf-8")
-        for bags in options.bags:
-            command += ["--bags", str(bags)]
-        for bags in options.validation_bags:
-            command += ["--validation-bags", str(bags)]
-        command += ["--config", str(recipe), "--cache", str(options.cache or options.out / "cache")]
-        subprocess.run(command, check=True)
-    elif not _validations(metrics):
-        subprocess.run([*command, "--resume"], check=True)
-    found = _validations(metrics)
-    if not found:
-        raise SystemExit(f"expected a validation in {metrics}, found none; delete {folder} and start again")
-    return found[-1]
-
-
-def _recipe(architecture: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    return {
-        "architecture": architecture,
-        "iterations": options.iterations,
-        "optimiser": {"warm_up_iterations": 50, "average_decay": 0.98},
-        "validation": {"every_iterations": options.iterations, "frames": options.frames},
-    }
-
-
-def _validations(path: Path) -> list[dict[str, float]]:
-    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-    return [row for row in map(json.loads, lines) if row["kind"] == "validation"]
 
 
 def timed(names: list[str], size: Size, rounds: int) -> dict[str, dict[str, float]]:
@@ -108,19 +68,16 @@ def timed(names: list[str], size: Size, rounds: int) -> dict[str, dict[str, floa
 def main() -> None:
     """Trains, times, prints a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--bags", type=Path, nargs="+", required=True)
-    parser.add_argument("--validation-bags", type=Path, nargs="+", required=True)
-    parser.add_argument("--out", type=Path, required=True, help="folder of the runs")
-    parser.add_argument("--cache", type=Path, help="of prepared samples; in --out by default")
-    parser.add_argument("--iterations", type=int, default=500)
-    parser.add_argument("--frames", type=int, default=80, help="frames of the validation")
+    Budget.add_options(parser, iterations=500)
     parser.add_argument("--rounds", type=int, default=30, help="turns of the timing")
     parser.add_argument("--forms", nargs="+", choices=FORMS, default=list(FORMS), metavar="NAME")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     names = [SHIPPED, *(name for name in options.forms if name != SHIPPED)]
-    errors = {name: train(name, options) for name in names}
+    budget = Budget.of(options, {})
+    folders = {name: options.out / name.replace(" ", "_") for name in names}
+    errors = {name: ShortTraining(folders[name], budget, FORMS[name]).run() for name in names}
     figures = timed(names, Size(448, 800, 60), options.rounds)
     table = Table(title=f"{options.iterations} iterations; 448 x 800, 60 points")
     for column in ("form", "GFLOP", "ms", "times shipped", "MAE 80 m", "semi-dense share", "semi-dense MAE"):

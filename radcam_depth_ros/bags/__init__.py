@@ -3,11 +3,13 @@
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.bags.message_factory import RosbagsFactory, factory
 from radcam_depth_ros.bags.reader import BagMessage, BagReader, TopicInfo
+from radcam_depth_ros.bags.scenario import SCENARIO_TOPIC, read_scenario
 from radcam_depth_ros.bags.topics import SensorTopics, find_topics
 from radcam_depth_ros.bags.transforms import read_static_transforms
 from radcam_depth_ros.bags.writer import BagWriter
 
 __all__ = [
+    "SCENARIO_TOPIC",
     "BagError",
     "BagMessage",
     "BagReader",
@@ -17,5 +19,6 @@ __all__ = [
     "TopicInfo",
     "factory",
     "find_topics",
+    "read_scenario",
     "read_static_transforms",
 ]

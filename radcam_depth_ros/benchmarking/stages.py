@@ -54,17 +54,19 @@ class Anatomy:
     stages: tuple[Stage, ...]
 
 
-def dissect(running: Running, inputs: NetworkInputs) -> Anatomy:
+def dissect(running: Running, inputs: NetworkInputs, only: str = "") -> Anatomy:
     """Counts a network's operations, and takes its stages out, with their inputs, frozen as the whole is.
 
     Args:
         running: The network.
         inputs: Of the whole network.
+        only: Name of the stage to take out; empty for all.
     """
     subject, loaded = running.resolved, running.loaded
+    wanted = [(name, path) for name, path in loaded.stages if only in ("", name)]
     eager = _eager(loaded.network, subject)
     captured: dict[str, tuple[Any, ...]] = {}
-    hooks = [eager.get_submodule(path).register_forward_pre_hook(_capture(captured, path)) for _, path in loaded.stages]
+    hooks = [eager.get_submodule(path).register_forward_pre_hook(_capture(captured, path)) for _, path in wanted]
     counter = _flop_counter()
     with counter:
         _run(eager, subject, inputs)
@@ -73,7 +75,7 @@ def dissect(running: Running, inputs: NetworkInputs) -> Anatomy:
     counts = counter.get_flop_counts()
     root = type(eager).__name__
     stages: list[Stage] = []
-    for name, path in loaded.stages:
+    for name, path in wanted:
         gflop = 1e-9 * sum(counts.get(f"{root}.{path}", {}).values())
         call = _runner(loaded.network.get_submodule(path), subject, captured[path])
         stages.append(Stage(name, gflop, peak_allocated_mb(call, subject.device), Task(name, call)))

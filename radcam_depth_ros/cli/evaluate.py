@@ -1,8 +1,10 @@
-"""`radcam-depth evaluate`: measure a network over a bag with ground truth."""
+"""`radcam-depth evaluate`: measure a network over bags with ground truth."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +15,6 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from radcam_depth_ros.cli.options import (
-    Bag,
     DeviceOption,
     ImageOption,
     JsonOption,
@@ -29,19 +30,29 @@ from radcam_depth_ros.cli.options import (
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings, Sample
     from radcam_depth_ros.estimator import Estimator
+    from radcam_depth_ros.evaluation.drive import Drive, Observation
+    from radcam_depth_ros.evaluation.frames import FrameLog
+    from radcam_depth_ros.evaluation.panels import PanelKeeper
+    from radcam_depth_ros.evaluation.summary import Evaluation
     from radcam_depth_ros.evaluation.tables import Fact, Table
 
 
 def evaluate(
-    bag: Bag,
+    bags: Annotated[list[Path], typer.Argument(help="Rosbag2 folders, .mcap files, or folders that hold some.")],
     network: NetworkOption = "baff",
     model: ModelOption = None,
     json_target: JsonOption = None,
-    report: Annotated[Path | None, typer.Option(help="Write an HTML page with tables and pictures.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write an HTML page with tables, curves and pictures.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="Write the measures of each frame.")] = None,
+    baselines: Annotated[
+        str,
+        typer.Option(help="What to measure besides, by commas; camera_only runs the network again, without radar."),
+    ] = "ground_nearest,camera_only,radar_interpolation",
+    no_baselines: Annotated[bool, typer.Option("--no-baselines", help="Measure the network alone: quicker.")] = False,
     camera_height: Annotated[
-        float | None, typer.Option(min=0.1, help="Metres above the road, in place of what the bag's transforms say.")
+        float | None, typer.Option(min=0.1, help="Metres above the road, in place of what the bags' transforms say.")
     ] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames of each bag.")] = None,
     clip: Annotated[
         float | None,
         typer.Option(min=1.0, help="Clip predictions to this many metres in every range; else to the range itself."),
@@ -53,20 +64,21 @@ def evaluate(
     device: DeviceOption = "cpu",
     precision: PrecisionOption = "auto",
 ) -> None:
-    """Measures a network's depth against ground truth, beside what geometry alone gives.
+    """Measures a network's depth against ground truth, beside what simpler means give.
 
-    Ground truth is the exact depth of a simulated drive, or a LiDAR's points.
+    Ground truth is the exact depth of a simulated drive, or a LiDAR's points. Averages are over all frames of all bags.
 
     Example: radcam-depth simulate out/test --seed 1000000 --frames 40 &&
     radcam-depth evaluate out/test --report out/evaluation.html
     """
-    from radcam_depth_ros.drive import DriveSettings, read_samples
-    from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive
+    from radcam_depth_ros.drive import DriveSettings
+    from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drives
+    from radcam_depth_ros.evaluation.frames import FrameLog
     from radcam_depth_ros.evaluation.metrics import EvaluationError
     from radcam_depth_ros.evaluation.panels import PanelKeeper
-    from radcam_depth_ros.evaluation.report import write_report
-    from radcam_depth_ros.evaluation.tables import Fact, distance_table, facts_of, summary_table, tables_of
+    from radcam_depth_ros.evaluation.tables import Fact, distance_table, facts_of, summary_table
 
+    wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
     settings = DriveSettings(
         image=image,
         radars=tuple(radar) if radar else None,
@@ -74,56 +86,141 @@ def evaluate(
         depth=depth,
         camera_height_m=camera_height or 0.0,
     )
-    frames = _count_frames(bag, settings)
+    sources = _find_sources(bags, settings, limit)
     estimator = load_estimator(network, model, device, precision)
-    keeper = PanelKeeper() if report else None
+    measuring = EvaluationSettings(estimator.card.network, camera_height, clip, wanted)
+    log, keeper = FrameLog(), PanelKeeper() if report else None
+
+    def observe(observation: Observation) -> None:
+        log.add(observation)
+        if keeper:
+            keeper.add(observation)
+
     with progress_bar() as progress:
-        samples = progress.track(
-            islice(read_samples(bag, settings), limit), min(frames, limit or frames), description="evaluating"
-        )
-        evaluation = evaluate_drive(
-            _warmed_up(samples, estimator),
-            estimator.estimate,
-            EvaluationSettings(estimator.card.network, camera_height, clip),
-            keeper.add if keeper else None,
-        )
+        task = progress.add_task("evaluating", total=sum(source.frames for source in sources))
+        drives = _drives(sources, settings, estimator, lambda: progress.advance(task))
+        evaluation = evaluate_drives(drives, estimator.estimate, measuring, observe)
     if not evaluation.has_ground_truth:
         raise EvaluationError(
-            f"expected ground truth within 100 m of some frame of {bag}, got none; LiDAR scans must lie within "
-            f"{settings.max_lidar_offset_s} s of an image, depth images must have an image's stamp"
+            f"expected ground truth within 100 m of some frame of {_listed(sources)}, got none; LiDAR scans must lie "
+            f"within {settings.max_lidar_offset_s} s of an image, depth images must have an image's stamp"
         )
-    facts = (Fact("drive", str(bag)), *facts_of(evaluation), Fact("weights", estimator.describe()))
+    facts = (
+        Fact("drive" if len(sources) == 1 else "drives", _listed(sources)),
+        *_without_truth(evaluation),
+        *facts_of(evaluation),
+        Fact("weights", estimator.describe()),
+    )
     if report and keeper:
-        title = f"{evaluation.network} on {bag.resolve().name}"
-        write_report(report, title, facts, tables_of(evaluation), keeper.panels())
+        where = sources[0].bag.resolve().name if len(sources) == 1 else f"{len(sources)} bags"
+        _write_report(report, f"{evaluation.network} on {where}", evaluation, facts, log, keeper)
+    if csv:
+        log.write_csv(csv)
     if json_target:
-        write_json({**evaluation.as_json(), "bag": str(bag), "weights": estimator.describe()}, json_target)
+        named = {"bags": [str(source.bag) for source in sources], "weights": estimator.describe()}
+        single = {"bag": str(sources[0].bag)} if len(sources) == 1 else {}
+        write_json({**evaluation.as_json(), **single, **named}, json_target)
     if json_target != "-":
         _print(facts, (summary_table(evaluation), distance_table(evaluation)))
 
 
-def _count_frames(bag: Path, settings: DriveSettings) -> int:
-    """The number of images in a bag that has ground truth."""
-    from radcam_depth_ros.bags import BagReader
+@dataclass(frozen=True)
+class _Source:
+    """A bag to read.
+
+    Attributes:
+        bag: Where it is.
+        name: What its frames are filed under.
+        frames: How many of its images are read.
+        limit: Where reading it stops; None for its end.
+        scenario: As `bags.read_scenario` gives it.
+    """
+
+    bag: Path
+    name: str
+    frames: int
+    limit: int | None
+    scenario: Mapping[str, str]
+
+
+def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | None) -> tuple[_Source, ...]:
+    """The bags of some places; all are looked at before anything is measured.
+
+    Raises:
+        RadcamDepthError: for a place without bags, or a bag that lacks a sensor or has no ground truth.
+    """
+    from radcam_depth_ros.bags import BagReader, read_scenario
     from radcam_depth_ros.evaluation.metrics import EvaluationError
+    from radcam_depth_ros.training.data import find_bags
 
-    with BagReader(bag) as reader:
-        topics = settings.topics(reader)
-        if topics.depth is None and topics.lidar is None:
-            raise EvaluationError(
-                f"expected ground truth in {bag}, got {', '.join(topics.names)}; what would serve is a LiDAR "
-                "(sensor_msgs/PointCloud2, see --lidar) or true depth images (sensor_msgs/Image of 32FC1 or 16UC1, see "
-                "--depth)"
-            )
-        return sum(topic.count for topic in reader.topics if topic.name == topics.image)
+    bags = find_bags(places)
+    names = [bag.stem if bag.is_file() else bag.name for bag in bags]
+    taken = Counter(names)
+    sources = []
+    for bag, name in zip(bags, names, strict=True):
+        with BagReader(bag) as reader:
+            topics = settings.topics(reader)
+            if topics.depth is None and topics.lidar is None:
+                raise EvaluationError(
+                    f"expected ground truth in {bag}, got {', '.join(topics.names)}; what would serve is a LiDAR "
+                    "(sensor_msgs/PointCloud2, see --lidar) or true depth images (sensor_msgs/Image of 32FC1 or 16UC1, "
+                    "see --depth)"
+                )
+            frames = reader.count([topics.image])
+            scenario = read_scenario(reader)
+        distinct = name if taken[name] == 1 else str(bag)
+        sources.append(_Source(bag, distinct, min(frames, limit or frames), limit, scenario))
+    return tuple(sources)
 
 
-def _warmed_up(samples: Iterable[Sample], estimator: Estimator) -> Iterator[Sample]:
-    """Lets the estimator build what it builds once, so that times are those of a running node."""
-    for index, sample in enumerate(samples):
-        if index == 0:
-            estimator.warm_up(sample.frame.camera)
+def _drives(
+    sources: Iterable[_Source], settings: DriveSettings, estimator: Estimator, advance: Callable[[], None]
+) -> Iterator[Drive]:
+    from radcam_depth_ros.drive import read_samples
+    from radcam_depth_ros.evaluation.drive import Drive
+
+    for source in sources:
+        samples = islice(read_samples(source.bag, settings), source.limit)
+        yield Drive(_followed(samples, estimator, advance), source.name, source.scenario)
+
+
+def _followed(samples: Iterable[Sample], estimator: Estimator, advance: Callable[[], None]) -> Iterator[Sample]:
+    for sample in samples:
+        # What is built once for a camera is built here, so that times are those of a running node.
+        estimator.warm_up(sample.frame.camera)
         yield sample
+        advance()
+
+
+def _listed(sources: Sequence[_Source]) -> str:
+    """The bags in a few words."""
+    if len(sources) == 1:
+        return str(sources[0].bag)
+    names = [source.name for source in sources]
+    some = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:3])} ... {names[-1]}"
+    return f"{len(sources)} bags: {some}"
+
+
+def _without_truth(evaluation: Evaluation) -> Iterator[Fact]:
+    """Names bags that were read and say nothing: one among many would else go unnoticed."""
+    from radcam_depth_ros.evaluation.groups import BAG
+    from radcam_depth_ros.evaluation.tables import Fact
+
+    groups = [group for entry in evaluation.groupings if entry.name == BAG for group in entry.groups]
+    idle = [group.name for group in groups if not group.dense.frames]
+    if idle:
+        yield Fact("bags without ground truth within 80 m", ", ".join(idle))
+
+
+def _write_report(
+    path: Path, title: str, evaluation: Evaluation, facts: Sequence[Fact], log: FrameLog, keeper: PanelKeeper
+) -> None:
+    from radcam_depth_ros.evaluation.plots import plots_of
+    from radcam_depth_ros.evaluation.report import write_report
+    from radcam_depth_ros.evaluation.tables import tables_of
+
+    tables = (*tables_of(evaluation), log.worst_table())
+    write_report(path, title, facts, tables, keeper.panels(), plots_of(evaluation))
 
 
 def _print(facts: Iterable[Fact], tables: Iterable[Table]) -> None:

@@ -1,49 +1,37 @@
-"""Measures a network, or anything else that gives depth images, over a drive with ground truth."""
+"""Measures a network, or anything else that gives depth images, over drives with ground truth."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from radcam_depth_ros.drive import Sample
-from radcam_depth_ros.evaluation.baselines import ground_nearest, known_or_assumed_ground
+from radcam_depth_ros.evaluation.baselines import BASELINES, ground_nearest, radar_interpolation, without_radar
+from radcam_depth_ros.evaluation.classes import ClassMeans
+from radcam_depth_ros.evaluation.distances import DistanceAccumulator
+from radcam_depth_ros.evaluation.given import GivenAccumulator
+from radcam_depth_ros.evaluation.groups import BAG, RETURNS, SCENARIO, GroupMeans, return_bin
 from radcam_depth_ros.evaluation.metrics import (
     BINS,
     RANGES,
     DepthAccumulator,
-    DepthMetrics,
     DepthRange,
     EvaluationError,
     SemiDenseAccumulator,
 )
+from radcam_depth_ros.evaluation.sparsification import SparsificationAccumulator
 from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation, Latency
-from radcam_depth_ros.frame import DepthResult, FloatArray, Frame, ImageArray
+from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
 
 Predict = Callable[[Frame], "DepthResult | None"]
 """Gives a frame's depth; None where there is none, of a frame that a live node dropped for example."""
-
-CLASS_NAMES = (
-    *(
-        "road",
-        "sidewalk",
-        "building",
-        "wall",
-        "fence",
-        "pole",
-        "traffic light",
-        "traffic sign",
-        "vegetation",
-        "terrain",
-    ),
-    *("sky", "person", "rider", "car", "truck", "bus", "train", "motorcycle", "bicycle"),
-)
-"""The 19 classes of Cityscapes in the order of their training ids."""
 
 
 @dataclass(frozen=True)
@@ -55,17 +43,58 @@ class EvaluationSettings:
         camera_height_m: Height of the camera above the road, for geometry alone, where the frames do not know it; None
             for an assumed one.
         clip_m: Predictions are clipped to this instead of to each range; None for the usual protocol.
+        baselines: Which of `BASELINES` are measured besides. `camera_only` costs a second pass of the network.
     """
 
     network: str = "network"
     camera_height_m: float | None = None
     clip_m: float | None = None
+    baselines: tuple[str, ...] = ("ground_nearest",)
 
     def __post_init__(self) -> None:
         for name in ("camera_height_m", "clip_m"):
             value = getattr(self, name)
             if value is not None and not 0 < value < math.inf:
                 raise EvaluationError(f"{name} must be a positive number of metres, got {value}")
+        for name in self.baselines:
+            if name not in BASELINES:
+                raise EvaluationError(f"a baseline must be one of {', '.join(BASELINES)}, got {name!r}")
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Frames that were recorded together.
+
+    Attributes:
+        samples: The frames with their ground truth, in order.
+        name: Of the bag; empty where it does not matter.
+        scenario: What is known of the drive as a whole: weather, time of day and so on.
+    """
+
+    samples: Iterable[Sample]
+    name: str = ""
+    scenario: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FrameMeasures:
+    """What was measured of one frame; NaN where it has no ground truth.
+
+    Attributes:
+        dense: (ranges, 8) float64: each of `RANGES`, each of `MEASURES`.
+        baselines: The same of each baseline, by its name.
+        coverage: Share of the pixels with ground truth within the widest range that the semi-dense depth covers.
+        semi_dense_mae_m: Its mean absolute error there, metres.
+        returns_in_view: Number of radar returns within the image.
+        latency_s: Of the estimate, seconds.
+    """
+
+    dense: npt.NDArray[np.float64]
+    baselines: Mapping[str, npt.NDArray[np.float64]]
+    coverage: float
+    semi_dense_mae_m: float
+    returns_in_view: int
+    latency_s: float
 
 
 @dataclass(frozen=True)
@@ -73,18 +102,25 @@ class Observation:
     """One frame of an evaluation, for whoever wants to look on.
 
     Attributes:
-        index: Number of the frame, from 0.
+        drive: The drive it belongs to.
+        index: Number of the frame within its drive, from 0.
         sample: The frame and its ground truth.
         result: Its depth, at the size of the ground truth.
-        geometry_m: Depth from geometry alone, (H, W) float32 metres.
-        mae_m: Mean absolute error of the dense depth within the widest range; NaN without ground truth.
+        baselines: Depth of each baseline, (H, W) float32 metres, by its name.
+        measures: What was measured.
     """
 
+    drive: Drive
     index: int
     sample: Sample
     result: DepthResult
-    geometry_m: FloatArray
-    mae_m: float
+    baselines: Mapping[str, FloatArray]
+    measures: FrameMeasures
+
+    @property
+    def mae_m(self) -> float:
+        """Mean absolute error of the dense depth within the widest range; NaN without ground truth."""
+        return float(self.measures.dense[-1, 0])
 
 
 def evaluate_drive(
@@ -93,10 +129,20 @@ def evaluate_drive(
     settings: EvaluationSettings | None = None,
     observe: Callable[[Observation], None] | None = None,
 ) -> Evaluation:
-    """Estimates and measures every frame of a drive.
+    """Estimates and measures every frame of one drive; see `evaluate_drives`."""
+    return evaluate_drives([Drive(samples)], predict, settings, observe)
+
+
+def evaluate_drives(
+    drives: Iterable[Drive],
+    predict: Predict,
+    settings: EvaluationSettings | None = None,
+    observe: Callable[[Observation], None] | None = None,
+) -> Evaluation:
+    """Estimates and measures every frame of some drives; averages are over all frames, whichever drive they are of.
 
     Args:
-        samples: Frames with their ground truth.
+        drives: Frames with their ground truth. One frame is held at a time.
         predict: Gives the depth of a frame.
         settings: How to measure.
         observe: Is shown every frame that has depth.
@@ -104,16 +150,20 @@ def evaluate_drive(
     Raises:
         EvaluationError: when there are no samples, or a depth image cannot be the same view as its frame.
     """
-    drive, seconds = _Drive(settings or EvaluationSettings()), []
-    for sample in samples:
-        start = time.perf_counter()
-        result = predict(sample.frame)
-        if result is not None:
-            seconds.append(time.perf_counter() - start)
-        observation = drive.add(sample, result)
-        if observe is not None and observation is not None:
-            observe(observation)
-    return drive.result(Latency.of(seconds))
+    sums, seconds = _Sums(settings or EvaluationSettings(), predict), []
+    for drive in drives:
+        for index, sample in enumerate(drive.samples):
+            start = time.perf_counter()
+            result = predict(sample.frame)
+            latency_s = time.perf_counter() - start
+            if result is None:
+                sums.add_missing(sample)
+                continue
+            seconds.append(latency_s)
+            observation = sums.add(drive, index, sample, result, latency_s)
+            if observe is not None:
+                observe(observation)
+    return sums.result(Latency.of(seconds))
 
 
 def resize_result(result: DepthResult, frame: Frame) -> DepthResult:
@@ -143,70 +193,79 @@ class _DepthSums:
     """Dense depth by range and by distance."""
 
     def __init__(self, ranges: tuple[DepthRange, ...]) -> None:
-        self._ranges, self._bins = DepthAccumulator(ranges), DepthAccumulator(BINS)
+        self._ranges, self._bins, self._distances = (
+            DepthAccumulator(ranges),
+            DepthAccumulator(BINS),
+            DistanceAccumulator(),
+        )
 
-    def add(self, depth_m: FloatArray, truth_m: FloatArray) -> float:
+    def add(self, depth_m: FloatArray, truth_m: FloatArray) -> npt.NDArray[np.float64]:
         self._bins.add(depth_m, truth_m)
-        return float(self._ranges.add(depth_m, truth_m)[-1, 0])
+        self._distances.add(depth_m, truth_m)
+        return self._ranges.add(depth_m, truth_m)
 
     def result(self) -> DepthSummary:
-        return DepthSummary(self._ranges.result(), self._bins.result())
+        return DepthSummary(self._ranges.result(), self._bins.result(), self._distances.result())
 
 
-class _ClassSums:
-    """Dense depth by what a pixel shows."""
+class _Sums:
+    """Sums over the frames of all drives."""
 
-    def __init__(self, widest: DepthRange) -> None:
-        self._sums = {name: DepthAccumulator([dataclasses.replace(widest, name=name)]) for name in CLASS_NAMES}
-
-    def add(self, depth_m: FloatArray, truth_m: FloatArray, classes: ImageArray) -> None:
-        for number in np.flatnonzero(np.bincount(classes.ravel(), minlength=256)[: len(CLASS_NAMES)]):
-            shows = classes == number
-            self._sums[CLASS_NAMES[number]].add(depth_m[shows], truth_m[shows])
-
-    def result(self) -> tuple[DepthMetrics, ...]:
-        """Classes without any ground truth, the sky above all, are left out."""
-        entries = [sums.result()[0] for sums in self._sums.values()]
-        return tuple(entry for entry in entries if entry.frames)
-
-
-class _Drive:
-    """Sums over the frames of a drive."""
-
-    def __init__(self, settings: EvaluationSettings) -> None:
-        clip_m = settings.clip_m
-        ranges = tuple(DepthRange.within(entry.upper_m, clip_m) for entry in RANGES)
-        self._settings = settings
-        self._dense, self._geometry = _DepthSums(ranges), _DepthSums(ranges)
-        self._semi_dense, self._classes = SemiDenseAccumulator(ranges), _ClassSums(ranges[-1])
-        self._frames, self._missing = 0, 0
+    def __init__(self, settings: EvaluationSettings, predict: Predict) -> None:
+        ranges = tuple(DepthRange.within(entry.upper_m, settings.clip_m) for entry in RANGES)
+        self._settings, self._predict = settings, predict
+        self._dense, self._semi_dense = _DepthSums(ranges), SemiDenseAccumulator(ranges)
+        self._baselines = {name: _DepthSums(ranges) for name in settings.baselines}
+        self._classes, self._groups = ClassMeans(ranges[-1]), GroupMeans()
+        self._sparsification = SparsificationAccumulator(ranges[-1])
+        self._given = GivenAccumulator(settings.camera_height_m)
+        self._frames = self._missing = 0
         self._sources: set[str] = set()
-        self._height_m, self._height_source = math.nan, "assumed"
 
-    def add(self, sample: Sample, result: DepthResult | None) -> Observation | None:
-        index = self._frames
-        self._frames += 1
-        self._sources.add(sample.source)
-        self._remember_height(sample.frame)
-        if result is None:
-            self._missing += 1
-            return None
+    def add_missing(self, sample: Sample) -> None:
+        self._look_at(sample)
+        self._missing += 1
+
+    def add(self, drive: Drive, index: int, sample: Sample, result: DepthResult, latency_s: float) -> Observation:
+        in_view = self._look_at(sample)
         result, truth_m = resize_result(result, sample.frame), sample.depth_m
-        geometry_m = ground_nearest(sample.frame, self._settings.camera_height_m)
-        mae_m = self._dense.add(result.dense, truth_m)
-        self._geometry.add(geometry_m, truth_m)
-        self._semi_dense.add(result.semi_dense, truth_m)
+        depths = {name: self._baseline(name, sample.frame) for name in self._baselines}
+        coverage, semi_dense_mae_m = self._semi_dense.add(result.semi_dense, truth_m)
+        measures = FrameMeasures(
+            self._dense.add(result.dense, truth_m),
+            {name: self._baselines[name].add(depth_m, truth_m) for name, depth_m in depths.items()},
+            coverage,
+            semi_dense_mae_m,
+            in_view,
+            latency_s,
+        )
+        self._sparsification.add(result.dense, result.confidence, truth_m)
         if sample.classes is not None:
             self._classes.add(result.dense, truth_m, sample.classes)
-        return Observation(index, sample, result, geometry_m, mae_m)
+        properties = {RETURNS: return_bin(in_view)}
+        properties |= {name: drive.scenario[name] for name in SCENARIO if name in drive.scenario}
+        properties |= {BAG: drive.name} if drive.name else {}
+        widest = {name: rows[-1] for name, rows in measures.baselines.items()}
+        self._groups.add(properties, measures.dense[-1], widest)
+        return Observation(drive, index, sample, result, depths, measures)
 
-    def _remember_height(self, frame: Frame) -> None:
-        given_m = self._settings.camera_height_m
-        self._height_m = known_or_assumed_ground(frame, given_m).height_m
-        if given_m is not None and math.isclose(given_m, self._height_m):
-            self._height_source = "given"
-        else:
-            self._height_source = "frame" if frame.ground.is_known else "assumed"
+    def _look_at(self, sample: Sample) -> int:
+        self._frames += 1
+        self._sources.add(sample.source)
+        return self._given.add(sample.frame)
+
+    def _baseline(self, name: str, frame: Frame) -> FloatArray:
+        if name == "ground_nearest":
+            return ground_nearest(frame, self._settings.camera_height_m)
+        if name == "radar_interpolation":
+            return radar_interpolation(frame)
+        result = self._predict(without_radar(frame))
+        if result is None:
+            raise EvaluationError(
+                "expected depth of a frame without radar for the baseline camera_only, got none; leave it out where "
+                "depth is not estimated but read"
+            )
+        return resize_result(result, frame).dense
 
     def result(self, latency: Latency) -> Evaluation:
         if not self._frames:
@@ -214,17 +273,20 @@ class _Drive:
                 "expected a drive with at least one image that goes with its radar sweeps, got none; check its topics "
                 "and stamps"
             )
+        by_class, by_class_group = self._classes.result()
         return Evaluation(
             network=self._settings.network,
             frames=self._frames,
             frames_missing=self._missing,
             ground_truth="+".join(sorted(self._sources)),
+            given=self._given.result(),
             dense=self._dense.result(),
             semi_dense=self._semi_dense.result(),
-            by_class=self._classes.result(),
-            ground_nearest=self._geometry.result(),
-            camera_height_m=self._height_m,
-            camera_height_source=self._height_source,
+            baselines={name: sums.result() for name, sums in self._baselines.items()},
+            by_class=by_class,
+            by_class_group=by_class_group,
+            groupings=self._groups.result(),
+            sparsification=self._sparsification.result(),
             clip_m=self._settings.clip_m,
             latency=latency,
         )

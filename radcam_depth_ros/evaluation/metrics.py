@@ -7,7 +7,7 @@ truth within (0, R] metres, predictions clipped to the same range.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +63,8 @@ BINS = tuple(
 
 MEASURES = ("mae", "rmse", "absrel", "log10", "rmselog", "d1", "d2", "d3")
 """Names of the measures, in the order of `measure`."""
+ROOTS = [MEASURES.index(name) for name in ("rmse", "rmselog")]
+"""Those that are roots of a mean."""
 
 
 @dataclass(frozen=True)
@@ -105,36 +107,122 @@ def json_number(value: float | int) -> float | int | None:
     return value if math.isfinite(value) else None
 
 
+@dataclass(frozen=True)
+class PixelErrors:
+    """Errors of pixels, in the terms that all measures are made of; each (N,) float32.
+
+    Attributes:
+        absolute_m: |prediction - truth|, metres.
+        relative: The same over the truth.
+        log: |ln prediction - ln truth|.
+    """
+
+    absolute_m: FloatArray
+    relative: FloatArray
+    log: FloatArray
+
+    @classmethod
+    def of(cls, prediction_m: FloatArray, truth_m: FloatArray, clip_m: float) -> PixelErrors:
+        """Compares; arguments as of `clipped`, and the truth (N,) float32 metres, positive and finite."""
+        prediction = clipped(prediction_m, clip_m)
+        absolute = np.abs(prediction - truth_m)
+        return cls(absolute, absolute / truth_m, np.abs(np.log(prediction) - np.log(truth_m)))
+
+    def terms(self) -> Iterator[npt.NDArray[np.generic]]:
+        """What the measures are means of, before roots and units, in the order of `MEASURES`."""
+        yield self.absolute_m
+        yield np.square(self.absolute_m)
+        yield self.relative
+        yield self.log
+        yield np.square(self.log)
+        # max(p / t, t / p) < 1.25^k, without another two divisions.
+        steps = self.log / np.float32(math.log(1.25))
+        for power in (1, 2, 3):
+            yield steps < power
+
+
+def clipped(prediction_m: FloatArray, clip_m: float) -> FloatArray:
+    """Predictions clipped to (0, clip_m]; a missing one (NaN) counts as clip_m: to leave it out would reward holes."""
+    filled = np.where(np.isnan(prediction_m), np.float32(clip_m), prediction_m)
+    inside: FloatArray = np.clip(filled, np.float32(LEAST_DEPTH_M), np.float32(clip_m))
+    return inside
+
+
+def absolute_error(prediction_m: FloatArray, truth_m: FloatArray, clip_m: float) -> FloatArray:
+    """|prediction - truth| in metres; arguments as of `PixelErrors.of`."""
+    error: FloatArray = np.abs(clipped(prediction_m, clip_m) - truth_m)
+    return error
+
+
 def measure(prediction_m: FloatArray, truth_m: FloatArray, clip_m: float) -> npt.NDArray[np.float64]:
     """Measures one frame.
 
     Args:
-        prediction_m: (N,) float32 metres, N > 0. Clipped to (0, clip_m]; a missing prediction (NaN) counts as clip_m,
-            since to leave it out would reward holes.
+        prediction_m: (N,) float32 metres, N > 0; see `clipped`.
         truth_m: (N,) float32 metres, positive and finite.
         clip_m: Metres.
 
     Returns:
         (8,) float64 in the order of `MEASURES`.
     """
-    filled = np.where(np.isnan(prediction_m), np.float32(clip_m), prediction_m)
-    prediction = np.clip(filled, np.float32(LEAST_DEPTH_M), np.float32(clip_m))
-    error = np.abs(prediction - truth_m)
-    log_error = np.abs(np.log(prediction) - np.log(truth_m))
-    # max(p / t, t / p) < 1.25^k, without another two divisions.
-    steps = log_error / np.float32(math.log(1.25))
+    errors = PixelErrors.of(prediction_m, truth_m, clip_m)
     # Values are float32 for speed; sums are not, since there may be a million of them.
-    log_mean = float(log_error.mean(dtype=np.float64))
-    return np.array(
-        [
-            error.mean(dtype=np.float64),
-            math.sqrt(np.square(error).mean(dtype=np.float64)),
-            (error / truth_m).mean(dtype=np.float64),
-            log_mean / math.log(10.0),
-            math.sqrt(np.square(log_error).mean(dtype=np.float64)),
-            *(float((steps < power).mean()) for power in (1, 2, 3)),
-        ]
-    )
+    return _finished(np.array([term.mean(dtype=np.float64) for term in errors.terms()]))
+
+
+def measure_labels(
+    prediction_m: FloatArray, truth_m: FloatArray, labels: npt.NDArray[np.integer], count: int, clip_m: float
+) -> npt.NDArray[np.float64]:
+    """Measures the pixels of each label apart.
+
+    Args:
+        prediction_m: (N,) float32 metres; see `clipped`.
+        truth_m: (N,) float32 metres, positive and finite.
+        labels: (N,) whole numbers from 0 to `count` - 1.
+        count: How many labels there are.
+        clip_m: Metres.
+
+    Returns:
+        (count, 8) float64 in the order of `MEASURES`; NaN for labels without pixels.
+    """
+    errors = PixelErrors.of(prediction_m, truth_m, clip_m)
+    pixels = np.bincount(labels, minlength=count)
+    sums = [np.bincount(labels, term, minlength=count) for term in errors.terms()]
+    with np.errstate(invalid="ignore"):
+        return _finished(np.stack(sums, axis=1) / pixels[:, None])
+
+
+def _finished(means: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The measures from the means of `PixelErrors.terms`, along the last axis."""
+    means[..., ROOTS] = np.sqrt(means[..., ROOTS])
+    means[..., MEASURES.index("log10")] /= math.log(10.0)
+    return means
+
+
+class FrameMean:
+    """Averages measures over frames.
+
+    Args:
+        name: What the average is filed under.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._sum = np.zeros(len(MEASURES))
+        self._frames = self._without = 0
+
+    def add(self, measures: npt.NDArray[np.float64]) -> None:
+        """Adds a frame's measures, (8,) in the order of `MEASURES`; a row of NaN is a frame without ground truth."""
+        if np.isfinite(measures[0]):
+            self._sum += measures
+            self._frames += 1
+        else:
+            self._without += 1
+
+    def result(self) -> DepthMetrics:
+        """The average so far."""
+        means = self._sum / self._frames if self._frames else np.full(len(MEASURES), np.nan)
+        return DepthMetrics(self._name, self._frames, self._without, *(float(mean) for mean in means))
 
 
 class DepthAccumulator:
@@ -146,9 +234,7 @@ class DepthAccumulator:
 
     def __init__(self, ranges: Sequence[DepthRange] = RANGES) -> None:
         self._ranges = tuple(ranges)
-        self._sums = np.zeros((len(self._ranges), len(MEASURES)))
-        self._frames = np.zeros(len(self._ranges), np.int64)
-        self._without = np.zeros(len(self._ranges), np.int64)
+        self._means = tuple(FrameMean(entry.name) for entry in ranges)
 
     def add(self, prediction_m: FloatArray, truth_m: FloatArray) -> npt.NDArray[np.float64]:
         """Adds a frame.
@@ -163,33 +249,33 @@ class DepthAccumulator:
         Raises:
             EvaluationError: when the sizes differ.
         """
-        if prediction_m.shape != truth_m.shape:
-            raise EvaluationError(
-                f"prediction and ground truth must have one size, got {prediction_m.shape} and {truth_m.shape}; "
-                "resample the prediction first"
-            )
-        farthest_m = max(entry.upper_m for entry in self._ranges)
-        known = (truth_m > 0) & (truth_m <= farthest_m)
-        prediction, truth = prediction_m[known], truth_m[known]
+        prediction, truth = known_pixels(prediction_m, truth_m, max(entry.upper_m for entry in self._ranges))
         measures = np.full((len(self._ranges), len(MEASURES)), np.nan)
         for index, entry in enumerate(self._ranges):
             inside = (truth > entry.lower_m) & (truth <= entry.upper_m)
             if inside.any():
                 measures[index] = measure(prediction[inside], truth[inside], entry.clip_m)
-        measured = np.isfinite(measures[:, 0])
-        self._frames += measured
-        self._without += ~measured
-        self._sums[measured] += measures[measured]
+            self._means[index].add(measures[index])
         return measures
 
     def result(self) -> tuple[DepthMetrics, ...]:
         """The averages so far, one for each range."""
-        with np.errstate(invalid="ignore"):
-            means = self._sums / self._frames[:, None]
-        return tuple(
-            DepthMetrics(entry.name, int(self._frames[i]), int(self._without[i]), *(float(mean) for mean in means[i]))
-            for i, entry in enumerate(self._ranges)
+        return tuple(mean.result() for mean in self._means)
+
+
+def known_pixels(prediction_m: FloatArray, truth_m: FloatArray, farthest_m: float) -> tuple[FloatArray, FloatArray]:
+    """The pixels whose ground truth is known and not farther than `farthest_m`: prediction and truth, (N,) metres.
+
+    Raises:
+        EvaluationError: when the sizes differ.
+    """
+    if prediction_m.shape != truth_m.shape:
+        raise EvaluationError(
+            f"prediction and ground truth must have one size, got {prediction_m.shape} and {truth_m.shape}; "
+            "resample the prediction first"
         )
+    known = (truth_m > 0) & (truth_m <= farthest_m)
+    return prediction_m[known], truth_m[known]
 
 
 @dataclass(frozen=True)
@@ -198,19 +284,23 @@ class SemiDenseMetrics:
 
     Attributes:
         frames: Frames that were seen.
-        coverage: Share of all pixels of an image that have a value, averaged over all frames; NaN without frames.
+        coverage: Share of the pixels with ground truth within the widest range that have a value, averaged over the
+            frames with such pixels; NaN without any.
+        image_share: Share of all pixels of an image that have a value, sky and all, averaged over all frames.
         metrics: Where covered and ground truth exists, for each range; the last is the one that is usually quoted.
     """
 
     frames: int
     coverage: float
+    image_share: float
     metrics: tuple[DepthMetrics, ...]
 
     def as_json(self) -> dict[str, object]:
         """Coverage and the measures of the widest range, and each range by its name."""
         widest = self.metrics[-1].as_json()
         ranges = {entry.name: entry.as_json() for entry in self.metrics}
-        return {"coverage": json_number(self.coverage), **widest, **ranges}
+        shares = {"coverage": json_number(self.coverage), "image_share": json_number(self.image_share)}
+        return {**shares, **widest, **ranges}
 
 
 class SemiDenseAccumulator:
@@ -222,26 +312,38 @@ class SemiDenseAccumulator:
 
     def __init__(self, ranges: Sequence[DepthRange] = RANGES) -> None:
         self._depth = DepthAccumulator(ranges)
-        self._coverage = 0.0
-        self._frames = 0
+        self._farthest_m = ranges[-1].upper_m
+        self._coverage = self._image_share = 0.0
+        self._frames = self._frames_with_truth = 0
 
-    def add(self, semi_dense_m: FloatArray, truth_m: FloatArray) -> None:
+    def add(self, semi_dense_m: FloatArray, truth_m: FloatArray) -> tuple[float, float]:
         """Adds a frame.
 
         Args:
             semi_dense_m: (H, W) float32 metres, NaN where there is no value.
             truth_m: (H, W) float32 metres, as in `DepthAccumulator.add`.
 
+        Returns:
+            The frame's own coverage, and the mean absolute error within the widest range where it has a value; NaN
+            where there is no ground truth.
+
         Raises:
             EvaluationError: when the sizes differ.
         """
-        covered = np.isfinite(semi_dense_m) & (semi_dense_m > 0)
-        truth = np.where(covered, truth_m, np.float32(np.nan)) if covered.shape == truth_m.shape else truth_m
-        self._depth.add(semi_dense_m, truth)
+        semi_dense, truth = known_pixels(semi_dense_m, truth_m, self._farthest_m)
+        covered = np.isfinite(semi_dense) & (semi_dense > 0)
+        measures = self._depth.add(semi_dense[covered], truth[covered])
         self._frames += 1
-        self._coverage += float(covered.mean())
+        self._image_share += float((np.isfinite(semi_dense_m) & (semi_dense_m > 0)).mean())
+        coverage = math.nan
+        if truth.size:
+            coverage = float(covered.mean())
+            self._coverage += coverage
+            self._frames_with_truth += 1
+        return coverage, float(measures[-1, 0])
 
     def result(self) -> SemiDenseMetrics:
         """The averages so far."""
-        coverage = self._coverage / self._frames if self._frames else math.nan
-        return SemiDenseMetrics(self._frames, coverage, self._depth.result())
+        coverage = self._coverage / self._frames_with_truth if self._frames_with_truth else math.nan
+        image_share = self._image_share / self._frames if self._frames else math.nan
+        return SemiDenseMetrics(self._frames, coverage, image_share, self._depth.result())

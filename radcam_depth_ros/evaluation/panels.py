@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -156,44 +157,48 @@ def colour_error(error_m: FloatArray) -> ImageArray:
 
 
 class PanelKeeper:
-    """Keeps a few evenly spaced frames of a drive of any length, and the worst one: a failure's picture says most.
+    """Keeps a few evenly spaced frames of drives of any length, and the worst ones: a failure's picture says most.
 
-    Pass `add` to `evaluate_drive` as its observer. No more than twice the number of panels are held at a time.
+    Pass `add` to `evaluate_drives` as its observer. No more than twice the number of panels are held at a time.
 
     Args:
         count: Number of evenly spaced frames.
+        worst: Number of frames with the largest errors.
     """
 
-    def __init__(self, count: int = 4) -> None:
-        self._count = count
-        self._step = 1
-        self._kept: list[Observation] = []
-        self._worst: Observation | None = None
+    def __init__(self, count: int = 4, worst: int = 3) -> None:
+        self._count, self._worst_count = count, worst
+        self._seen, self._step = 0, 1
+        self._kept: list[tuple[int, Observation]] = []
+        self._worst: list[Observation] = []
 
     def add(self, observation: Observation) -> None:
         """Looks at a frame; frames come in order."""
-        if self._worst is None or observation.mae_m > self._worst.mae_m or math.isnan(self._worst.mae_m):
-            self._worst = observation
-        if observation.index % self._step == 0 and self._count:
-            self._kept.append(observation)
+        if math.isfinite(observation.mae_m):
+            self._worst = heapq.nlargest(self._worst_count, [*self._worst, observation], key=lambda item: item.mae_m)
+        if self._seen % self._step == 0 and self._count:
+            self._kept.append((self._seen, observation))
+        self._seen += 1
         if len(self._kept) > 2 * self._count:
             self._step *= 2
-            self._kept = [kept for kept in self._kept if kept.index % self._step == 0]
+            self._kept = [kept for kept in self._kept if kept[0] % self._step == 0]
 
     def panels(self) -> tuple[Panel, ...]:
-        """The frames that were kept, the worst one last."""
+        """The frames that were kept, in their order, then the worst ones, the worst of all first."""
         picks = np.unique(np.linspace(0, len(self._kept) - 1, min(self._count, len(self._kept))).round().astype(int))
-        panels = [_panel(self._kept[pick], "") for pick in picks]
-        if self._worst is not None and math.isfinite(self._worst.mae_m):
-            panels.append(_panel(self._worst, ", the worst of the drive"))
+        panels = [_panel(self._kept[pick][1], "") for pick in picks]
+        for place, observation in enumerate(self._worst):
+            panels.append(_panel(observation, ", the worst" if not place else f", number {place + 1} of the worst"))
         return tuple(panels)
 
 
 def _panel(observation: Observation, remark: str) -> Panel:
-    frame = observation.sample.frame
+    frame, name = observation.sample.frame, observation.drive.name
     error = f", MAE {observation.mae_m:.2f} m" if math.isfinite(observation.mae_m) else ""
-    title = f"frame {observation.index}, stamp {frame.stamp_ns / 1e9:.3f} s{error}{remark}"
-    return Panel.of(title, frame, observation.result, observation.sample.depth_m, observation.geometry_m)
+    place = f"frame {observation.index}{f' of {name}' if name else ''}"
+    title = f"{place}, stamp {frame.stamp_ns / 1e9:.3f} s{error}{remark}"
+    geometry_m = observation.baselines.get("ground_nearest")
+    return Panel.of(title, frame, observation.result, observation.sample.depth_m, geometry_m)
 
 
 def _scale(image: Any) -> float:

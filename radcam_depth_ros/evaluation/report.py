@@ -1,4 +1,4 @@
-"""One self-contained HTML page: facts, tables and pictures. Nothing is loaded from elsewhere."""
+"""One self-contained HTML page: facts, tables, curves and pictures. Nothing is loaded from elsewhere."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from radcam_depth_ros.evaluation.metrics import EvaluationError
 from radcam_depth_ros.evaluation.panels import ERROR_M, FAR_M, NEAR_M, Panel, Tile, colour_error, draw_panel
+from radcam_depth_ros.evaluation.plots import Plot, draw_plot
 from radcam_depth_ros.evaluation.tables import Fact, Table
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.frame import ImageArray
@@ -57,6 +58,7 @@ def write_report(
     facts: Sequence[Fact] = (),
     tables: Sequence[Table] = (),
     panels: Sequence[Panel] = (),
+    plots: Sequence[Plot] = (),
 ) -> None:
     """Writes the page, under a temporary name that is then renamed.
 
@@ -66,11 +68,17 @@ def write_report(
         facts: What the result was made with.
         tables: Tables, in order.
         panels: Frames to show, in order.
+        plots: Curves to show, in order.
 
     Raises:
         EvaluationError: when the file cannot be written.
     """
-    sections = [_facts(facts), *(_table(table) for table in tables), *(_panel(panel) for panel in panels)]
+    sections = [
+        _facts(facts),
+        *(_table(table) for table in tables),
+        _plots(plots),
+        *(_panel(panel) for panel in panels),
+    ]
     body = "\n".join(section for section in sections if section)
     write_text(
         path,
@@ -113,6 +121,18 @@ def _table(table: Table) -> str:
 <div class="wide"><table><thead><tr>{head}</tr></thead><tbody>
 {rows}
 </tbody></table></div>{note}</section>"""
+
+
+def _plots(plots: Sequence[Plot]) -> str:
+    figures = "\n".join(_drawing(plot) for plot in plots)
+    return f'<section><h2>Curves</h2>\n<div class="tiles">\n{figures}\n</div></section>' if plots else ""
+
+
+def _drawing(plot: Plot) -> str:
+    name = html.escape(plot.title)
+    source = f"data:image/svg+xml;base64,{base64.b64encode(draw_plot(plot)).decode('ascii')}"
+    note = f"<p>{html.escape(plot.note)}</p>" if plot.note else ""
+    return f'<figure><figcaption>{name}</figcaption><img alt="{name}" src="{source}">{note}</figure>'
 
 
 def _panel(panel: Panel) -> str:

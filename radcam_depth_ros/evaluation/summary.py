@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from radcam_depth_ros.evaluation.distances import STEP_M, DistanceCurve
+from radcam_depth_ros.evaluation.given import Given
+from radcam_depth_ros.evaluation.groups import Grouping
 from radcam_depth_ros.evaluation.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
+from radcam_depth_ros.evaluation.sparsification import Sparsification
 
 
 @dataclass(frozen=True)
@@ -39,10 +43,12 @@ class DepthSummary:
     Attributes:
         ranges: Within 50, 70 and 80 m.
         bins: By distance.
+        distances: By distance in finer steps.
     """
 
     ranges: tuple[DepthMetrics, ...]
     bins: tuple[DepthMetrics, ...]
+    distances: DistanceCurve
 
     def within(self, range_m: float) -> DepthMetrics:
         """The measures within a range.
@@ -59,19 +65,21 @@ class DepthSummary:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What was measured over a drive.
+    """What was measured over one or several drives.
 
     Attributes:
         network: What gave the depth.
-        frames: Frames of the drive.
+        frames: Frames of the drives.
         frames_missing: Those that have no depth.
         ground_truth: Where the ground truth is from: "exact", "lidar" or "none"; joined by "+" where frames differ.
+        given: What the frames were made of.
         dense: The dense depth.
         semi_dense: The semi-dense depth.
-        by_class: The dense depth within the widest range by what a pixel shows, where the drive knows.
-        ground_nearest: Geometry alone, on the same frames.
-        camera_height_m: The height that geometry alone was given; NaN without frames.
-        camera_height_source: "frame" (the drive's transforms, or the configuration), "given" or "assumed".
+        baselines: Simpler means on the same frames, by their names in `baselines.BASELINES`.
+        by_class: The dense depth within the widest range by what a pixel shows, where the drives know.
+        by_class_group: The same by group of classes.
+        groupings: The dense depth and the baselines by what frames have in common.
+        sparsification: What the confidence is worth.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
     """
@@ -80,12 +88,14 @@ class Evaluation:
     frames: int
     frames_missing: int
     ground_truth: str
+    given: Given
     dense: DepthSummary
     semi_dense: SemiDenseMetrics
+    baselines: Mapping[str, DepthSummary]
     by_class: tuple[DepthMetrics, ...]
-    ground_nearest: DepthSummary
-    camera_height_m: float
-    camera_height_source: str
+    by_class_group: tuple[DepthMetrics, ...]
+    groupings: tuple[Grouping, ...]
+    sparsification: Sparsification
     clip_m: float | None
     latency: Latency
 
@@ -101,21 +111,31 @@ class Evaluation:
             "frames": self.frames,
             "frames_missing": self.frames_missing,
             "ground_truth": self.ground_truth,
+            "given": self.given.as_json(),
             "dense": _by_name(self.dense.ranges),
             "semi_dense": self.semi_dense.as_json(),
             "by_range": _by_name(self.dense.bins),
+            "by_distance": {"step_m": STEP_M, "mae": self.dense.distances.as_json()},
             "by_class": _by_name(self.by_class),
-            "baselines": {
-                "ground_nearest": {
-                    **_by_name(self.ground_nearest.ranges),
-                    "by_range": _by_name(self.ground_nearest.bins),
-                    "camera_height_m": json_number(self.camera_height_m),
-                    "camera_height_source": self.camera_height_source,
-                }
-            },
+            "by_class_group": _by_name(self.by_class_group),
+            **{f"by_{grouping.name}": grouping.as_json() for grouping in self.groupings},
+            "sparsification": self.sparsification.as_json(),
+            "baselines": {name: self._baseline_json(name) for name in self.baselines},
             "clip_m": self.clip_m,
             "latency_ms": self.latency.as_json(),
         }
+
+    def _baseline_json(self, name: str) -> dict[str, object]:
+        depth = self.baselines[name]
+        values: dict[str, object] = {
+            **_by_name(depth.ranges),
+            "by_range": _by_name(depth.bins),
+            "by_distance": {"step_m": STEP_M, "mae": depth.distances.as_json()},
+        }
+        if name == "ground_nearest":
+            values["camera_height_m"] = json_number(self.given.camera_height_m)
+            values["camera_height_source"] = self.given.camera_height_source
+        return values
 
 
 def _by_name(entries: tuple[DepthMetrics, ...]) -> dict[str, dict[str, float | int | None]]:

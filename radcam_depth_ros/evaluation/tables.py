@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from radcam_depth_ros.evaluation.given import Given
+from radcam_depth_ros.evaluation.groups import SCENARIO, Grouping
 from radcam_depth_ros.evaluation.metrics import DepthMetrics, EvaluationError
 from radcam_depth_ros.evaluation.summary import Evaluation
 
-DENSE, SEMI_DENSE, GEOMETRY = "dense", "semi-dense", "geometry alone"
+DENSE, SEMI_DENSE = "dense", "semi-dense"
+BASELINE_TITLES = {
+    "ground_nearest": "geometry alone",
+    "camera_only": "camera alone",
+    "radar_interpolation": "radar alone",
+}
+_BASELINE_NOTES = {
+    "ground_nearest": "Geometry alone: the flat road, or the radar return nearest in the image where that is closer.",
+    "camera_only": "Camera alone: the same network without any radar return.",
+    "radar_interpolation": "Radar alone: interpolated between the returns.",
+}
 _TITLES = {
     "mae": "MAE m",
     "rmse": "RMSE m",
@@ -19,6 +31,14 @@ _TITLES = {
     "d1": "d1",
     "d2": "d2",
     "d3": "d3",
+}
+_GROUPING_TITLES = {
+    "returns": "By number of radar returns in view",
+    "weather": "By weather",
+    "time_of_day": "By time of day",
+    "season": "By season",
+    "street": "By street",
+    "bag": "By bag",
 }
 _HEIGHT_SOURCES = {
     "frame": "from the drive's transforms or the configuration",
@@ -73,11 +93,11 @@ def summary_table(evaluation: Evaluation) -> Table:
         (name, *(number(entry.mae) for entry in entries), *(number(entry.rmse) for entry in entries))
         for name, entries in kinds
     )
-    note = (
-        "Averaged over the pixels with ground truth in range, then over frames. Semi-dense: where it has values. "
-        "Geometry alone: the flat road, or the radar return nearest in the image where that is closer."
+    notes = (
+        "Averaged over the pixels with ground truth in range, then over frames. Semi-dense: where it has values.",
+        *(_BASELINE_NOTES[name] for name in evaluation.baselines),
     )
-    return Table("Error in metres, of all within 50, 70 and 80 m", columns, rows, note)
+    return Table("Error in metres, of all within 50, 70 and 80 m", columns, rows, " ".join(notes))
 
 
 def detail_table(evaluation: Evaluation) -> Table:
@@ -94,21 +114,50 @@ def distance_table(evaluation: Evaluation) -> Table:
     names = [entry.name for entry in evaluation.dense.bins]
     rows = tuple(
         (name, *(number(entry.mae) for entry in entries))
-        for name, entries in ((DENSE, evaluation.dense.bins), (GEOMETRY, evaluation.ground_nearest.bins))
+        for name, entries in (
+            (DENSE, evaluation.dense.bins),
+            *((BASELINE_TITLES[name], depth.bins) for name, depth in evaluation.baselines.items()),
+        )
     )
     return Table("MAE by distance of the ground truth, metres", ("", *(f"{name} m" for name in names)), rows)
 
 
-def class_table(evaluation: Evaluation) -> Table:
-    """The dense depth by what a pixel shows."""
-    rows = tuple((entry.name, *_measures(entry)) for entry in evaluation.by_class)
-    return Table(f"By class, within {evaluation.dense.ranges[-1].name} m", ("", *_TITLES.values(), "frames"), rows)
+def class_tables(evaluation: Evaluation) -> Iterator[Table]:
+    """The dense depth by what a pixel shows; none where the drives do not know."""
+    within = f"within {evaluation.dense.ranges[-1].name} m"
+    for title, entries in (
+        (f"By class, {within}", evaluation.by_class),
+        (f"By group of classes, {within}", evaluation.by_class_group),
+    ):
+        if entries:
+            rows = tuple((entry.name, *_measures(entry)) for entry in entries)
+            yield Table(title, ("", *_TITLES.values(), "frames"), rows)
+
+
+def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
+    """The dense depth by what frames have in common, beside the baselines."""
+    title = f"{_GROUPING_TITLES[grouping.name]}, within {evaluation.dense.ranges[-1].name} m"
+    baselines = tuple(f"MAE m, {BASELINE_TITLES[name]}" for name in evaluation.baselines)
+    rows = tuple(
+        (
+            group.name,
+            *_measures(group.dense),
+            *(number(group.baselines[name].mae) for name in evaluation.baselines),
+        )
+        for group in grouping.groups
+    )
+    return Table(title, ("", *_TITLES.values(), "frames", *baselines), rows)
 
 
 def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
     """Every table that has something to say about the evaluation."""
-    tables = (summary_table(evaluation), distance_table(evaluation), detail_table(evaluation))
-    return (*tables, class_table(evaluation)) if evaluation.by_class else tables
+    return (
+        summary_table(evaluation),
+        distance_table(evaluation),
+        detail_table(evaluation),
+        *class_tables(evaluation),
+        *(group_table(evaluation, grouping) for grouping in evaluation.groupings if len(grouping.groups) > 1),
+    )
 
 
 def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
@@ -117,10 +166,23 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     if evaluation.frames_missing:
         facts.append(Fact("frames without depth", str(evaluation.frames_missing)))
     facts.append(Fact("ground truth", evaluation.ground_truth))
-    facts.append(Fact("semi-dense coverage", f"{number(100 * evaluation.semi_dense.coverage, 1)} %"))
-    if math.isfinite(evaluation.camera_height_m):
-        source = _HEIGHT_SOURCES[evaluation.camera_height_source]
-        facts.append(Fact("camera above the road", f"{number(evaluation.camera_height_m)} m ({source})"))
+    facts.append(Fact("the network was given", _given(evaluation.given)))
+    # What all frames have in common has no table.
+    alike = {entry.name: entry.groups[0].name for entry in evaluation.groupings if len(entry.groups) == 1}
+    scenario = [alike[name] for name in SCENARIO if name in alike]
+    if scenario:
+        facts.append(Fact("scenario", ", ".join(scenario)))
+    within = f"pixels within {evaluation.dense.ranges[-1].name} m"
+    facts.append(Fact("semi-dense coverage", f"{number(100 * evaluation.semi_dense.coverage, 1)} % of the {within}"))
+    if evaluation.sparsification.frames:
+        curve = evaluation.sparsification.mae
+        rises = "never raises it" if curve.falls else f"raises it by {number(curve.rise_m, 3)} m at most"
+        value = f"AUSE {number(curve.ause_m)} m of MAE; leaving out another 5 % of the least confident pixels {rises}"
+        facts.append(Fact("confidence", value))
+    if "ground_nearest" in evaluation.baselines:
+        sources = " or ".join(_HEIGHT_SOURCES[name] for name in evaluation.given.camera_height_source.split("+"))
+        height = f"{number(evaluation.given.camera_height_m)} m ({sources})"
+        facts.append(Fact("camera above the road, for geometry alone", height))
     if evaluation.clip_m is not None:
         facts.append(Fact("predictions clipped to", f"{evaluation.clip_m:g} m in every range"))
     latency = evaluation.latency
@@ -130,11 +192,27 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     return tuple(facts)
 
 
+def _given(given: Given) -> str:
+    least, middle, most = given.returns_in_view
+    columns = f"{number(100 * given.rcs_share, 0)} % with RCS, {number(100 * given.speed_share, 0)} % with speed"
+    if given.road_share == 0:
+        road = "not the road: the camera's height above it is unknown"
+    elif given.road_share == 1:
+        road = "the road, from the camera's height above it"
+    else:
+        road = f"the road in {number(100 * given.road_share, 0)} % of the frames: else the camera's height is unknown"
+    sizes = ", ".join(given.image_sizes)
+    return (
+        f"images of {sizes} px; {least:.0f} to {most:.0f} radar returns in view, {middle:.0f} in the middle "
+        f"({columns}); {road}"
+    )
+
+
 def _kinds(evaluation: Evaluation) -> tuple[tuple[str, Sequence[DepthMetrics]], ...]:
     return (
         (DENSE, evaluation.dense.ranges),
         (SEMI_DENSE, evaluation.semi_dense.metrics),
-        (GEOMETRY, evaluation.ground_nearest.ranges),
+        *((BASELINE_TITLES[name], depth.ranges) for name, depth in evaluation.baselines.items()),
     )
 
 

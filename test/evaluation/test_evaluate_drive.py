@@ -9,8 +9,9 @@ import pytest
 
 from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.evaluation.baselines import ASSUMED_HEIGHT_M
-from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive, resize_result
+from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, evaluate_drive, evaluate_drives, resize_result
 from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
+from radcam_depth_ros.evaluation.plots import plots_of
 from radcam_depth_ros.evaluation.summary import Latency
 from radcam_depth_ros.evaluation.tables import Table, facts_of, tables_of
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, GroundPlane, RadarReturns
@@ -44,7 +45,7 @@ def test_a_drive_is_measured():
     assert [entry.frames for entry in evaluation.dense.bins] == [0, 1, 0, 1]
     assert evaluation.semi_dense.coverage == pytest.approx(0.25)
     assert evaluation.semi_dense.metrics[0].mae == pytest.approx(2.0)
-    assert evaluation.ground_nearest.within(50).frames == 1
+    assert evaluation.baselines["ground_nearest"].within(50).frames == 1
     with pytest.raises(EvaluationError, match="50, 70, 80 m, got 60 m"):
         evaluation.dense.within(60)
 
@@ -68,14 +69,15 @@ def test_a_frame_without_depth_is_counted_and_left_out():
     evaluation = evaluate_drive(samples, lambda frame: None if frame.stamp_ns == 1 else result_of(frame))
     assert (evaluation.frames, evaluation.frames_missing) == (3, 1)
     assert evaluation.dense.within(80).frames == 2
-    assert evaluation.ground_nearest.within(80).frames == 2
+    assert evaluation.baselines["ground_nearest"].within(80).frames == 2
     assert any(fact.name == "frames without depth" and fact.value == "1" for fact in facts_of(evaluation))
 
 
 def test_a_drive_without_ground_truth_gives_no_numbers():
     evaluation = evaluate_drive([make_sample(math.nan, source="none")], result_of)
     assert not evaluation.has_ground_truth
-    assert evaluation.semi_dense.coverage == pytest.approx(0.25)
+    assert evaluation.semi_dense.image_share == pytest.approx(0.25)
+    assert evaluation.as_json()["semi_dense"]["coverage"] is None
     assert evaluation.as_json()["dense"]["80"]["mae"] is None
     assert all("nan" not in cell for table in tables_of(evaluation) for row in table.rows for cell in row)
 
@@ -97,7 +99,7 @@ def test_a_drive_without_frames_is_refused():
 def test_where_the_camera_s_height_comes_from_is_said(ground, given_m, height_m, source):
     settings = EvaluationSettings(camera_height_m=given_m)
     evaluation = evaluate_drive([make_sample(ground=ground)], result_of, settings)
-    assert (evaluation.camera_height_m, evaluation.camera_height_source) == (height_m, source)
+    assert (evaluation.given.camera_height_m, evaluation.given.camera_height_source) == (height_m, source)
     baseline = evaluation.as_json()["baselines"]["ground_nearest"]
     assert (baseline["camera_height_m"], baseline["camera_height_source"]) == (height_m, source)
 
@@ -112,7 +114,11 @@ def test_classes_are_measured_apart():
     sample.depth_m[10:20] = 25.0
     evaluation = evaluate_drive([sample], result_of)
     assert {entry.name: entry.mae for entry in evaluation.by_class} == pytest.approx({"road": 1.0, "car": 4.0})
-    assert tables_of(evaluation)[-1].title.startswith("By class")
+    assert {entry.name: entry.mae for entry in evaluation.by_class_group} == pytest.approx(
+        {"road, people and vehicles": 1.0 + 3.0 * (10 * 64) / (36 * 64)}
+    )
+    titles = [table.title for table in tables_of(evaluation)]
+    assert titles[-2:] == ["By class, within 80 m", "By group of classes, within 80 m"]
 
 
 def test_predictions_may_be_clipped_elsewhere():
@@ -131,13 +137,85 @@ def test_impossible_settings_are_refused(setting):
         EvaluationSettings(**setting)
 
 
+def test_all_frames_of_all_drives_count_alike():
+    drives = [
+        Drive([make_sample(20.0), make_sample(22.0)], "a", {"weather": "rain", "mood": "good"}),
+        Drive(iter([make_sample(25.0)]), "b", {"weather": "dry"}),
+    ]
+    seen = []
+    evaluation = evaluate_drives(drives, result_of, observe=seen.append)
+    assert evaluation.frames == 3
+    assert evaluation.dense.within(80).mae == pytest.approx((1.0 + 1.0 + 4.0) / 3)
+    assert [(observation.drive.name, observation.index) for observation in seen] == [("a", 0), ("a", 1), ("b", 0)]
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))
+    assert {name: plain["by_bag"][name]["mae"] for name in ("a", "b")} == pytest.approx({"a": 1.0, "b": 4.0})
+    assert plain["by_weather"]["rain"]["frames"] == 2
+    assert plain["by_weather"]["dry"]["baselines"]["ground_nearest"]["frames"] == 1
+    assert list(plain["by_returns"]) == ["1-10"]
+    assert "by_mood" not in plain
+    titles = [table.title for table in tables_of(evaluation)]
+    assert titles[-2:] == ["By weather, within 80 m", "By bag, within 80 m"]
+
+
+def test_baselines_are_measured_on_the_same_frames():
+    def by_radar(frame):
+        return result_of(frame, 21.0 if len(frame.radar) else 26.0)
+
+    settings = EvaluationSettings(baselines=("ground_nearest", "camera_only", "radar_interpolation"))
+    seen = []
+    evaluation = evaluate_drive([make_sample(20.0)], by_radar, settings, seen.append)
+    assert evaluation.dense.within(80).mae == pytest.approx(1.0)
+    assert evaluation.baselines["camera_only"].within(80).mae == pytest.approx(6.0)
+    # The one return is at 15 m.
+    assert evaluation.baselines["radar_interpolation"].within(80).mae == pytest.approx(5.0, rel=1e-4)
+    assert set(evaluation.as_json()["baselines"]) == set(settings.baselines) == set(seen[0].baselines)
+    rows = {row[0]: row[3] for row in tables_of(evaluation)[0].rows}
+    assert (rows["camera alone"], rows["radar alone"]) == ("6.00", "5.00")
+    note = tables_of(evaluation)[0].note
+    assert "the same network without any radar return" in note
+
+
+def test_depth_that_is_read_cannot_be_without_radar():
+    def recorded(frame):
+        return result_of(frame) if len(frame.radar) else None
+
+    with pytest.raises(EvaluationError, match="leave it out where depth is not estimated"):
+        evaluate_drive([make_sample()], recorded, EvaluationSettings(baselines=("camera_only",)))
+
+
+def test_unknown_baselines_are_refused():
+    with pytest.raises(EvaluationError, match=r"one of ground_nearest, .* got 'magic'"):
+        EvaluationSettings(baselines=("magic",))
+
+
+def test_what_the_network_was_given_is_said():
+    told = {fact.name: fact.value for fact in facts_of(evaluate_drive([make_sample()], result_of))}
+    assert "64 x 48 px" in told["the network was given"]
+    assert "1 to 1 radar returns in view" in told["the network was given"]
+    assert "camera's height above it is unknown" in told["the network was given"]
+    known = evaluate_drive([make_sample(ground=GroundPlane(1.5)), make_sample()], result_of)
+    assert (
+        "the road in 50 % of the frames" in {fact.name: fact.value for fact in facts_of(known)}["the network was given"]
+    )
+
+
+def test_the_confidence_is_measured():
+    evaluation = evaluate_drive([make_sample(20.0)], result_of)
+    assert evaluation.sparsification.frames == 1
+    assert evaluation.sparsification.mae.ause_m == pytest.approx(0.0, abs=1e-6)
+    assert any(fact.name == "confidence" and "AUSE 0.00 m" in fact.value for fact in facts_of(evaluation))
+    assert [plot.title for plot in plots_of(evaluation)] == [
+        *("Error over distance", "Sparsification, MAE", "Sparsification, RMSE"),
+    ]
+
+
 def test_whoever_looks_on_sees_every_frame():
     seen = []
     evaluate_drive([make_sample(20.0, 5), make_sample(30.0, 6)], result_of, observe=seen.append)
     assert [observation.index for observation in seen] == [0, 1]
     assert [observation.sample.frame.stamp_ns for observation in seen] == [5, 6]
     assert [observation.mae_m for observation in seen] == pytest.approx([1.0, 9.0])
-    assert seen[0].geometry_m.shape == (48, 64)
+    assert seen[0].baselines["ground_nearest"].shape == (48, 64)
 
 
 @pytest.mark.parametrize("size", [(32, 24), (128, 96), (64, 47)])
@@ -173,8 +251,8 @@ def test_tables_say_what_was_measured():
     assert [row[0] for row in summary.rows] == ["dense", "semi-dense", "geometry alone"]
     assert summary.rows[0][1:4] == ("1.00", "20.00", "20.00")
     facts = {fact.name: fact.value for fact in facts_of(evaluation)}
-    assert facts["semi-dense coverage"] == "25.0 %"
-    assert "assumed" in facts["camera above the road"]
+    assert facts["semi-dense coverage"] == "25.0 % of the pixels within 80 m"
+    assert "assumed" in facts["camera above the road, for geometry alone"]
     with pytest.raises(EvaluationError, match="2 columns, but 1 cells"):
         Table("odd", ("a", "b"), (("1",),))
 

@@ -142,12 +142,15 @@ def test_semi_dense_counts_where_it_has_a_value():
     accumulator.add(image(NAN, NAN, NAN, NAN), image(10.0, 20.0, 30.0, 40.0))
     accumulator.add(image(0.0, INF, -1.0, 5.0), image(10.0, 10.0, 10.0, NAN))
     result = accumulator.result()
-    assert result.coverage == pytest.approx((0.5 + 0.0 + 0.25) / 3)
+    # Of the pixels with ground truth within 80 m; and of all.
+    assert result.coverage == pytest.approx((2 / 3 + 0.0 + 0.0) / 3)
+    assert result.image_share == pytest.approx((0.5 + 0.0 + 0.25) / 3)
     assert [entry.name for entry in result.metrics] == ["50", "70", "80"]
     assert [entry.mae for entry in result.metrics] == pytest.approx([1.0, 1.5, 1.5])
     assert [entry.frames for entry in result.metrics] == [1, 1, 1]
     plain = result.as_json()
-    assert plain["coverage"] == pytest.approx(0.25)
+    assert plain["coverage"] == pytest.approx(2 / 9)
+    assert plain["image_share"] == pytest.approx(0.25)
     assert plain["mae"] == pytest.approx(1.5)
     assert plain["50"]["mae"] == pytest.approx(1.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.drive import Sample
-from radcam_depth_ros.evaluation.drive import Observation
+from radcam_depth_ros.evaluation.drive import Drive, FrameMeasures, Observation
 from radcam_depth_ros.evaluation.metrics import EvaluationError
 from radcam_depth_ros.evaluation.panels import (
     ERROR_M,
@@ -22,6 +22,7 @@ from radcam_depth_ros.evaluation.panels import (
     draw_panel,
     draw_radar,
 )
+from radcam_depth_ros.evaluation.plots import Curve, Plot
 from radcam_depth_ros.evaluation.report import write_report
 from radcam_depth_ros.evaluation.tables import Fact, Table
 from radcam_depth_ros.files import FileError
@@ -54,12 +55,15 @@ def make_panel(width=64, height=48, **changes):
     return Panel(**{**values, **changes})
 
 
-def make_observation(index, mae_m=1.0):
+def make_observation(index, mae_m=1.0, bag=""):
     camera = CameraModel(16, 12, 10.0, 10.0, 7.5, 5.5)
     depth = np.full((12, 16), 20.0, np.float32)
     frame = Frame(index, "camera", np.zeros((12, 16, 3), np.uint8), camera, RadarReturns.empty())
     result = DepthResult(index, "camera", camera, depth, depth, depth, 0)
-    return Observation(index, Sample(frame, (), depth, "exact"), result, depth, mae_m)
+    measures = FrameMeasures(np.full((3, 8), mae_m), {}, 1.0, mae_m, 0, 0.1)
+    return Observation(
+        Drive([], bag), index, Sample(frame, (), depth, "exact"), result, {"ground_nearest": depth}, measures
+    )
 
 
 class Page(HTMLParser):
@@ -176,7 +180,7 @@ def test_radar_is_drawn_the_nearest_on_top():
 
 @pytest.mark.parametrize("frames", [0, 1, 3, 10, 11, 57, 1000])
 def test_evenly_spaced_frames_are_kept(frames):
-    keeper = PanelKeeper(5)
+    keeper = PanelKeeper(5, worst=1)
     for index in range(frames):
         keeper.add(make_observation(index, mae_m=float(index == frames // 2)))
         assert len(keeper._kept) <= 10
@@ -188,6 +192,29 @@ def test_evenly_spaced_frames_are_kept(frames):
     assert frames == 0 or even[-1] >= (frames - 1) / 2
     assert [title for title in titles if "worst" in title] == titles[5 if frames >= 5 else frames :]
     assert frames == 0 or titles[-1].startswith(f"frame {frames // 2},")
+
+
+def test_the_worst_frames_are_kept_the_worst_first():
+    keeper = PanelKeeper(0, worst=3)
+    for index in range(20):
+        keeper.add(make_observation(index, mae_m=float(index * 7 % 20), bag="night"))
+    titles = [panel.title for panel in keeper.panels()]
+    assert [re.search(r"MAE (\d+)", title)[1] for title in titles] == ["19", "18", "17"]
+    assert titles[0].startswith("frame 17 of night,")
+    assert titles[0].endswith("the worst")
+    assert titles[2].endswith("number 3 of the worst")
+
+
+def test_curves_are_drawn_before_the_frames(tmp_path):
+    path = tmp_path / "report.html"
+    plots = [Plot("Error <over> distance", "m", "m", (Curve("dense", (0, 1), (1, 2)),), "A note.")]
+    write_report(path, "A drive", panels=[make_panel()], plots=plots)
+    page = Page(path.read_text(encoding="utf-8"))
+    assert [alt for alt, _ in page.pictures] == ["Error <over> distance", *TITLES]
+    kind, _, data = page.pictures[0][1].partition(";base64,")
+    assert kind == "data:image/svg+xml"
+    assert b"<svg" in base64.b64decode(data)
+    assert "A note." in page.texts
 
 
 def test_without_ground_truth_no_frame_is_the_worst():

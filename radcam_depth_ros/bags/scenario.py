@@ -1,0 +1,31 @@
+"""What a drive's recorder says of the drive: weather, time of day, season, street."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+from radcam_depth_ros.bags.errors import BagError
+from radcam_depth_ros.bags.reader import BagReader
+
+SCENARIO_TOPIC = "/scenario"
+"""One std_msgs/String at the bag's start: a JSON object. Simulated drives have it, and any recording may."""
+_TYPE = "std_msgs/msg/String"
+
+
+def read_scenario(bag: BagReader, topic: str = SCENARIO_TOPIC) -> Mapping[str, str]:
+    """The scenario's entries that are words, by name; none for a bag without the topic.
+
+    Raises:
+        BagError: when the topic's first message is no JSON object.
+    """
+    if not any(info.name == topic and info.type_name == _TYPE and info.count for info in bag.topics):
+        return {}
+    text = str(next(bag.messages([topic])).message.data)
+    try:
+        values = json.loads(text)
+    except ValueError:
+        values = None
+    if not isinstance(values, dict):
+        raise BagError(f'{topic} of {bag.path} must be a JSON object like {{"weather": "rain"}}, got {text[:60]!r}')
+    return {str(name): value for name, value in values.items() if isinstance(value, str) and value}
