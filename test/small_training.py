@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 # An optimiser and a picture ask for these: processes that are forked from one that knows this module start at once.
 import matplotlib.figure  # noqa: F401
@@ -14,10 +15,12 @@ import torch._dynamo
 from torch import Tensor, nn
 
 from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, registry
+from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.batches import SampleSet
 from radcam_depth_ros.training.fit import Trainer, TrainingData
+from radcam_depth_ros.training.normalisation import join_batch_norms
 from radcam_depth_ros.training.observer import StepReport, ValidationReport
-from radcam_depth_ros.training.ranks import joined
+from radcam_depth_ros.training.ranks import Ranks, joined
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
 from radcam_depth_ros.training.samples import CachedDrive
 
@@ -96,8 +99,19 @@ def data_of(drive: CachedDrive) -> TrainingData:
 def train_here(
     network: str, config: TrainingConfig, drive: Path, folder: Path, resume: bool, environment: Mapping[str, str]
 ) -> None:
-    """Runs a training as a process of its own; leaves weights, statistics and the last gradients in `N.pt`."""
+    """Runs a training as a process of its own; leaves weights, statistics and the last gradients in `N.pt`.
+
+    Batch norms are the joint ones also where it is alone: torch's own sum up with more rounding.
+    """
     os.environ.update(environment)
+    create = fit.networks.create
+
+    def create_joint(name: str, architecture: Mapping[str, Any]) -> Network:
+        made = create(name, architecture)
+        join_batch_norms(made, Ranks())
+        return made
+
+    fit.networks.create = create_joint
     registry._NETWORKS["miniature"] = Miniature
     torch.set_num_threads(1)
     folder.mkdir(exist_ok=True)

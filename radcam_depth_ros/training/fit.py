@@ -125,7 +125,8 @@ class Trainer:
         self.network.to(self._precision.device)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
         averaged = AveragedWeights(self.network, config.optimiser.average_decay)
-        join_batch_norms(self.network, self._ranks)
+        if self._ranks.size > 1:
+            join_batch_norms(self.network, self._ranks)
         self._working = Working(self.network, averaged, optimiser_of(self.network, config.optimiser))
         if initial is not None and config.initial_share > 0:
             self._working.initial.update(

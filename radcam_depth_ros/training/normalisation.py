@@ -42,9 +42,7 @@ class JointBatchNorm(nn.BatchNorm2d):
 
 
 def join_batch_norms(network: nn.Module, ranks: Ranks) -> None:
-    """Puts a joint batch norm in the place of each batch norm, where there are several processes."""
-    if ranks.size == 1:
-        return
+    """Puts a joint batch norm in the place of each batch norm."""
     for module in list(network.modules()):
         for name, child in module.named_children():
             if type(child) is nn.BatchNorm2d:

@@ -59,12 +59,12 @@ def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
 ) -> None:
     config = dataclasses.replace(
         CONFIG,
-        iterations=60,
+        iterations=24,
         precision="float32",
         log_every_iterations=1,
         checkpoint_every_minutes=0.001,  # between validations as well
         stages=(StageConfig(0.5, 64, 64, 2), StageConfig(0.5, 64, 96, 2)),
-        validation=ValidationConfig(every_iterations=20, frames=1),
+        validation=ValidationConfig(every_iterations=8, frames=1),
     )
     place = tmp_path / "drive"
     finish(start(config, place, tmp_path / "whole"))
@@ -115,17 +115,17 @@ def test_two_processes_learn_what_one_does_with_the_joint_batch(
     for name, value in first["weights"].items():
         assert torch.equal(value, second["weights"][name]), name
     # AdamW makes a step as long as the rate of any gradient, be it rounding alone: hence what is tolerated of weights.
-    tolerated = 0.05 if network == "miniature" else 2.0
+    tolerated = 0.01 if network == "miniature" else 2.0
     steps = iterations * config.optimiser.learning_rate
     for name, value in one["weights"].items():
         torch.testing.assert_close(first["weights"][name], value, rtol=1e-3, atol=tolerated * steps, msg=name)
     squared = sum(float(value.square().sum()) for value in one["gradients"].values() if value is not None)
     for name, value in one["gradients"].items():
         if value is not None:
-            torch.testing.assert_close(first["gradients"][name], value, rtol=1e-3, atol=1e-4 * squared**0.5, msg=name)
+            torch.testing.assert_close(first["gradients"][name], value, rtol=1e-3, atol=1e-5 * squared**0.5, msg=name)
     for mine, theirs in zip(record(tmp_path / "one"), record(tmp_path / "two"), strict=True):
         assert mine.pop("kind") == theirs.pop("kind")
-        assert mine == pytest.approx(theirs, rel=1e-3, abs=1e-3)
+        assert mine == pytest.approx(theirs, rel=1e-4, abs=1e-4)
     assert sorted(path.name for path in (tmp_path / "one").iterdir() if path.suffix != ".pt") == sorted(
         path.name for path in (tmp_path / "two").iterdir() if path.suffix != ".pt"
     )
