@@ -63,6 +63,9 @@ def train(
             "lidar; both: exact, and the nearest LiDAR scan besides."
         ),
     ] = "any",
+    tensorboard: Annotated[
+        bool, typer.Option("--tensorboard", help="Write the losses for TensorBoard as well, if it is installed.")
+    ] = False,
     processes: Annotated[int, typer.Option(min=1, help="Bags that are prepared at once.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, with its bags and recipe.")
@@ -77,6 +80,7 @@ def train(
     radcam-depth train --bags out/drives --out out/run --minutes 1
     """
     from radcam_depth_ros.training.checkpoint import before
+    from radcam_depth_ros.training.curves import require_tensorboard
     from radcam_depth_ros.training.fit import CHECKPOINT, Trainer
     from radcam_depth_ros.training.plan import RunPlan
     from radcam_depth_ros.training.ranks import joined
@@ -100,7 +104,10 @@ def train(
             iterations=iterations or plan.config.iterations,
             minutes=minutes or plan.config.minutes,
             seed=plan.config.seed if seed is None else seed,
+            tensorboard=tensorboard or plan.config.tensorboard,
         )
+        if recipe.tensorboard:
+            require_tensorboard()
         # What was measured is kept: a resumed run computes as it did before.
         plan = ranks.of_first(replace(plan, config=recipe.with_measured_precision()))
         with _progress(console) as progress:

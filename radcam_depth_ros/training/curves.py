@@ -1,4 +1,4 @@
-"""The record of a run: one JSON object a line, and a picture of it."""
+"""The record of a run: one JSON object a line, and the same for TensorBoard where that is asked for."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcam_depth_ros.files import whole, write_text
+from radcam_depth_ros.files import write_text
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -18,10 +18,15 @@ class MetricsLog:
     Args:
         path: The file.
         resume_step: Lines after this step were written by a run that was cut off, and are dropped; None drops all.
+        tensorboard: Write events into the folder `tensorboard` beside it as well.
+
+    Raises:
+        TrainingError: when TensorBoard is asked for and not installed.
     """
 
-    def __init__(self, path: Path, resume_step: int | None) -> None:
+    def __init__(self, path: Path, resume_step: int | None, tensorboard: bool = False) -> None:
         self._path = path
+        self._events = _events(path.parent / "tensorboard", resume_step or 0) if tensorboard else None
         kept = [] if resume_step is None else [line for line in read_metrics(path) if line["step"] <= resume_step]
         write_text(path, "".join(json.dumps(line) + "\n" for line in kept))
 
@@ -33,6 +38,10 @@ class MetricsLog:
                 file.write(json.dumps({"kind": kind, "step": step, **numbers}) + "\n")
         except OSError as error:
             raise TrainingError(f"cannot write {self._path}: {error.strerror or error}") from None
+        if self._events is not None:
+            for name, value in values.items():
+                self._events.add_scalar(f"{kind}/{name}", value, step)
+            self._events.flush()
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
@@ -43,27 +52,21 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.endswith("}")]
 
 
-def draw_curves(metrics: list[dict[str, Any]], path: Path, title: str) -> None:
-    """Draws losses, learning rate and validation errors over the iterations as a PNG."""
-    # Imported here: it takes a second, and most users of this module only read.
-    from matplotlib.figure import Figure
+def require_tensorboard() -> Any:
+    """The class that writes events.
 
-    panels = (
-        ("loss", "train", ("total",)),
-        ("parts of the loss", "train", ("association", "dense_m", "confidence")),
-        ("dense error, m", "validation", ("mae_50_m", "rmse_50_m", "mae_80_m", "rmse_80_m")),
-        ("semi-dense", "validation", ("semi_dense_mae_m", "semi_dense_share")),
-    )
-    figure = Figure(figsize=(11, 7), layout="constrained")
-    figure.suptitle(title)
-    for axes, (name, kind, columns) in zip(figure.subplots(2, 2).flat, panels, strict=True):
-        for column in columns:
-            points = [(line["step"], line[column]) for line in metrics if line["kind"] == kind and line.get(column)]
-            axes.plot(*zip(*points, strict=True) if points else ([], []), label=column, linewidth=1)
-        axes.set_title(name)
-        axes.set_xlabel("iteration")
-        axes.set_ylim(bottom=0)
-        axes.grid(alpha=0.3)
-        axes.legend()
-    with whole(path) as partial:
-        figure.savefig(partial, format="png", dpi=90)
+    Raises:
+        TrainingError: when TensorBoard is not installed.
+    """
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        raise TrainingError(
+            "TensorBoard is not installed; install it with `pip install tensorboard`, or leave --tensorboard out: "
+            "report.html in the run's folder has the same curves"
+        ) from None
+    return SummaryWriter
+
+
+def _events(folder: Path, step: int) -> Any:
+    return require_tensorboard()(str(folder), purge_step=step + 1)

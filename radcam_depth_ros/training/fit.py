@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -18,12 +18,13 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.networks import archive
 from radcam_depth_ros.training.batches import Batch, BatchMaker, SampleSet, prefetch
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
-from radcam_depth_ros.training.curves import MetricsLog, draw_curves, read_metrics
+from radcam_depth_ros.training.curves import MetricsLog, read_metrics
 from radcam_depth_ros.training.gradients import optimiser_of, share_gradients
 from radcam_depth_ros.training.initial import blend, load_initial
 from radcam_depth_ros.training.losses import total_loss
 from radcam_depth_ros.training.normalisation import freeze_statistics, join_batch_norms
 from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
+from radcam_depth_ros.training.page import panels_of, write_page
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
@@ -32,7 +33,7 @@ from radcam_depth_ros.training.validation import ValidationResult, validate
 
 CHECKPOINT = "last.pt"
 METRICS = "metrics.jsonl"
-CURVES = "curves.png"
+PAGE = "report.html"
 SKIPS_ALLOWED = 10
 """Iterations in a row without a finite gradient, after which a run is given up."""
 
@@ -85,7 +86,7 @@ class Trainer:
         network: Name of the network.
         data: What it is trained and judged on.
         config: The recipe.
-        folder: Of the run; holds checkpoint, archive, metrics and curves.
+        folder: Of the run; holds checkpoint, archive, metrics and page.
         observer: Told of each step.
         resume: Go on from the folder's checkpoint.
         initial: Weights to start from, an archive of the same architecture; else they are random.
@@ -125,7 +126,8 @@ class Trainer:
         self.network.to(self._precision.device)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
         averaged = AveragedWeights(self.network, config.optimiser.average_decay)
-        join_batch_norms(self.network, self._ranks)
+        if self._ranks.size > 1:
+            join_batch_norms(self.network, self._ranks)
         self._working = Working(self.network, averaged, optimiser_of(self.network, config.optimiser))
         if initial is not None and config.initial_share > 0:
             self._working.initial.update(
@@ -141,7 +143,7 @@ class Trainer:
                 )
         self._is_tuned = initial is not None
         if self._ranks.is_first:
-            self._log = MetricsLog(folder / METRICS, self.state.step if resume else None)
+            self._log = MetricsLog(folder / METRICS, self.state.step if resume else None, config.tensorboard)
         self._maker = BatchMaker(data.train, config.augmentation, config.seed, data.rehearsal, config.rehearsal.share)
         self._saved_at = self._counted_until = time.monotonic()
         self._speed = 0.0
@@ -174,12 +176,18 @@ class Trainer:
         """Where the best weights are."""
         return self._folder / f"{self._name}.safetensors"
 
+    def judged(self) -> networks.Network:
+        """The network that is validated and shipped: averaged weights, with their share of the initial ones."""
+        network: networks.Network = self._working.averaged.network
+        if self._working.initial:
+            network = copy.deepcopy(network)
+            blend(network, self._working.initial, self._config.initial_share)
+        return network
+
     def save(self) -> None:
-        """Writes the checkpoint and the curves."""
+        """Writes the checkpoint."""
         if self._ranks.is_first:
             save_checkpoint(self._folder / CHECKPOINT, self.state, self._working)
-            metrics = read_metrics(self._folder / METRICS)
-            draw_curves(metrics, self._folder / CURVES, f"{self._name}: {self._folder.name}")
         self._saved_at = time.monotonic()
 
     def _run_stage(self, stage: StageConfig, should_stop: Callable[[], bool], pool: ThreadPoolExecutor) -> bool:
@@ -276,10 +284,7 @@ class Trainer:
             self.save()
 
     def _validate(self) -> None:
-        network = self._working.averaged.network
-        if self._working.initial:
-            network = copy.deepcopy(network)
-            blend(network, self._working.initial, self._config.initial_share)
+        network = self.judged()
         result = validate(network, self._validation, self._precision, self._ranks)
         known = validate(network, self._rehearsal, self._precision, self._ranks) if self._rehearsal else None
         # Judged by the mixture that is trained on.
@@ -295,7 +300,25 @@ class Trainer:
             self.state.best_score, self.state.best_step, self.state.worse = score, self.state.step, 0
             if self._ranks.is_first:
                 archive.save(network, self._card(result, known), self.archive_path)
+        if self._ranks.is_first:
+            self._write_page(network)
         self._observer.on_validation(ValidationReport(self.state.step, result, known, is_best))
+
+    def _write_page(self, network: networks.Network) -> None:
+        state, config = self.state, self._config
+        shown = {f"validation frame {index}": sample for index, sample in _few(self._validation)}
+        shown |= {f"rehearsed frame {index}": sample for index, sample in _few(self._rehearsal)[:1]}
+        facts = (
+            ("network", self._name),
+            ("data", self._data.description),
+            ("iterations", f"{state.step} of {config.iterations} in {state.elapsed_s / 60:.1f} minutes"),
+            ("best score", f"{state.best_score:.3f} m, of iteration {state.best_step}"),
+            ("seed", str(config.seed)),
+            ("computed in", f"{str(self._precision.dtype).removeprefix('torch.')} on {self._precision.device}"),
+        )
+        panels = panels_of(network, shown, self._precision)
+        title = f"{self._name}: {self._folder.name}"
+        write_page(self._folder / PAGE, title, facts, read_metrics(self._folder / METRICS), panels)
 
     def _card(self, result: ValidationResult, known: ValidationResult | None) -> archive.Card:
         length = f"{self.state.step} iterations, {self.state.position} samples, seed {self._config.seed}"
@@ -343,6 +366,11 @@ def _spread(samples: SampleSet | None, count: int) -> list[TrainingSample]:
             "--validation-bags"
         )
     return chosen
+
+
+def _few(samples: Sequence[TrainingSample]) -> list[tuple[int, TrainingSample]]:
+    """First, middle and last sample, with their numbers."""
+    return [(index, samples[index]) for index in sorted({0, len(samples) // 2, len(samples) - 1}) if samples]
 
 
 def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -> None:

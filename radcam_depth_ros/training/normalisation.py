@@ -27,7 +27,7 @@ class JointBatchNorm(nn.BatchNorm2d):
         """(B, C, H, W), of the same type."""
         if not self.training or self.running_mean is None or self.running_var is None or self.momentum is None:
             return super().forward(x)
-        values = x.float()
+        values = x if x.dtype == torch.float64 else x.float()
         count = values.numel() // values.shape[1] * self._ranks.size
         mean = self._ranks.add_with_gradient(values.sum(dim=(0, 2, 3))) / count
         values = values - mean[:, None, None]
@@ -42,9 +42,7 @@ class JointBatchNorm(nn.BatchNorm2d):
 
 
 def join_batch_norms(network: nn.Module, ranks: Ranks) -> None:
-    """Puts a joint batch norm in the place of each batch norm, where there are several processes."""
-    if ranks.size == 1:
-        return
+    """Puts a joint batch norm in the place of each batch norm."""
     for module in list(network.modules()):
         for name, child in module.named_children():
             if type(child) is nn.BatchNorm2d:

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, distributed
-from torch.distributed.nn import functional
+from torch.autograd import Function
 
 from radcam_depth_ros.training.samples import TrainingError
 
@@ -19,6 +19,22 @@ ValueT = TypeVar("ValueT")
 
 _PATIENCE = timedelta(hours=4)
 """How long the others wait while the first one prepares samples."""
+
+
+class _Sum(Function):
+    """What each process adds is part of what all get: so is the gradient of all part of what each gets."""
+
+    @staticmethod
+    def forward(ctx: Any, values: Tensor) -> Tensor:
+        total = values.clone()
+        distributed.all_reduce(total)
+        return total
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> Tensor:
+        total = gradient.clone()
+        distributed.all_reduce(total)
+        return total
 
 
 @dataclass(frozen=True)
@@ -49,7 +65,7 @@ class Ranks:
         """The sum over all processes, for a loss that is itself the sum of all processes' losses."""
         if self.size == 1:
             return values
-        total: Tensor = functional.all_reduce(values)  # type: ignore[no-untyped-call]  # torch leaves it without types
+        total: Tensor = _Sum.apply(values)  # type: ignore[no-untyped-call]  # torch leaves it without types
         return total
 
     def of_first(self, value: ValueT) -> ValueT:

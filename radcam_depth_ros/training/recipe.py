@@ -120,6 +120,7 @@ class TrainingConfig:
         loader_threads: Threads that make batches.
         log_every_iterations: Between two lines of training losses.
         checkpoint_every_minutes: Between two checkpoints.
+        tensorboard: Write the losses for TensorBoard as well.
         stages: Crops, and which parts learn.
         optimiser: Optimiser.
         loss: Losses.
@@ -139,6 +140,7 @@ class TrainingConfig:
     loader_threads: int = 1
     log_every_iterations: int = 50
     checkpoint_every_minutes: float = 5.0
+    tensorboard: bool = False
     stages: tuple[StageConfig, ...] = (StageConfig(1.0, ((320, 256), (224, 384)), 4),)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     loss: LossConfig = field(default_factory=LossConfig)

@@ -3,87 +3,22 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
-from torch import Tensor, nn
+from small_training import CONFIG, Miniature, Watch, data_of
+from torch import Tensor
 
-from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, archive, registry
+from radcam_depth_ros.networks import TrainOutputs, archive, registry
 from radcam_depth_ros.training.augmentation import AugmentationConfig
-from radcam_depth_ros.training.batches import SampleSet
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.losses import LossConfig
-from radcam_depth_ros.training.observer import StepReport, ValidationReport
+from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
-from radcam_depth_ros.training.samples import CachedDrive, TrainingError
-
-
-@dataclass(frozen=True)
-class MiniatureConfig:
-    """What every network's config has."""
-
-    focal_length_px: float = 630.0
-    min_depth_m: float = 1.0
-    max_depth_m: float = 100.0
-
-
-class Miniature(Network):
-    """Two convolutions, and one logit a pixel that all returns share: quick, and with all that training asks for."""
-
-    config_type = MiniatureConfig
-
-    def __init__(self, config: MiniatureConfig) -> None:
-        super().__init__(config)
-        self.layers = nn.Sequential(
-            nn.Conv2d(3, 16, 5, padding=2), nn.BatchNorm2d(16), nn.ReLU(), nn.Conv2d(16, 3, 5, padding=2)
-        )
-
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        depths = self.train_outputs(image, radar, valid, ground).depths
-        assert depths is not None
-        return depths
-
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
-        raw = self.layers(image).float()
-        dense = 1 + 99 * torch.sigmoid(raw[:, :1])
-        column = torch.arange(image.shape[3]).expand(*valid.shape, -1)
-        association = Association(
-            raw[:, 1:2].expand(-1, valid.shape[1], -1, -1),
-            radar[:, :, 2:3].unsqueeze(3),
-            torch.where(valid.unsqueeze(2), column, -1),
-        )
-        confidence = raw[:, 2:]
-        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None, None)
-
-
-CONFIG = TrainingConfig(
-    iterations=6,
-    log_every_iterations=2,
-    stages=(StageConfig(0.5, ((64, 64),), 2), StageConfig(0.5, ((64, 96),), 1)),
-    optimiser=OptimiserConfig(warm_up_iterations=2),
-    validation=ValidationConfig(every_iterations=4, frames=1),
-)
-
-
-class Watch:
-    """Counts what a run tells."""
-
-    def __init__(self) -> None:
-        self.steps: list[StepReport] = []
-        self.validations: list[int] = []
-        self.notes: list[str] = []
-
-    def on_step(self, report: StepReport) -> None:
-        self.steps.append(report)
-
-    def on_validation(self, report: ValidationReport) -> None:
-        self.validations.append(report.step)
-
-    def on_note(self, text: str) -> None:
-        self.notes.append(text)
+from radcam_depth_ros.training.samples import CachedDrive, TrainingError, TrainingSample
 
 
 @pytest.fixture(autouse=True)
@@ -93,8 +28,7 @@ def _with_miniature(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def data(drive: CachedDrive) -> TrainingData:
-    train, validation = SampleSet.of([drive]).split(0.2)
-    return TrainingData(train, validation, "six made-up frames")
+    return data_of(drive)
 
 
 def run(
@@ -139,12 +73,12 @@ def test_a_run_writes_weights_metrics_and_curves(tmp_path: Path, data: TrainingD
     result, _, watch = run(data, tmp_path / "run")
     assert result.archive == tmp_path / "run" / "miniature.safetensors"
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [
-        "curves.png",
         "last.before.pt",
         "last.pt",
         "metrics.jsonl",
         "miniature.safetensors",
         "miniature.yaml",
+        "report.html",
     ]
     lines = metrics(tmp_path / "run")
     assert [line["step"] for line in lines] == [2, 4, 4, 6, 6]
@@ -242,6 +176,79 @@ def test_gradients_that_are_not_finite_end_a_run(tmp_path: Path, data: TrainingD
         run(data, tmp_path / "run", config)
 
 
+def test_odd_batches_are_skipped_and_told(tmp_path: Path, data: TrainingData, monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = Miniature.train_outputs
+    calls = 0
+
+    def train_outputs(network: Miniature, *inputs: Tensor) -> TrainOutputs:
+        nonlocal calls
+        outputs = honest(network, *inputs)
+        calls += network.training
+        return outputs._replace(confidence_logit=outputs.confidence_logit * (math.nan if calls in (2, 3) else 1))
+
+    monkeypatch.setattr(Miniature, "train_outputs", train_outputs)
+    result, trainer, watch = run(data, tmp_path / "run")
+    assert result.finished
+    assert watch.notes == [
+        f"iteration {step} is skipped: its gradient is not finite, with a loss of nan" for step in (2, 3)
+    ]
+    assert all(torch.isfinite(value).all() for value in trainer.network.parameters())
+
+
+def test_a_run_ends_when_nothing_gets_better(tmp_path: Path, data: TrainingData) -> None:
+    config = dataclasses.replace(
+        CONFIG,
+        iterations=100,
+        # Weights that move nowhere.
+        optimiser=OptimiserConfig(learning_rate=1e-12, average_decay=0.0),
+        freeze_statistics=True,
+        validation=ValidationConfig(every_iterations=2, frames=1, patience=2),
+    )
+    result, _, watch = run(data, tmp_path / "run", config)
+    assert result.finished
+    assert watch.validations == [2, 4, 6]
+    assert result.state.best_step == 2
+    again, _, watch = run(data, tmp_path / "run", config, resume=True)
+    assert again.finished
+    assert watch.steps == watch.validations == []
+
+
+def test_shipped_weights_keep_a_share_of_the_initial_ones(tmp_path: Path, data: TrainingData) -> None:
+    first, _, _ = run(data, tmp_path / "first")
+    assert first.archive is not None
+    initial = archive.load(first.archive).network.state_dict()
+    config = dataclasses.replace(
+        CONFIG, initial_share=0.75, optimiser=OptimiserConfig(learning_rate=0.05, average_decay=0.0)
+    )
+    stopped, _, _ = run(data, tmp_path / "second", config, initial=first.archive, stop_after=3)
+    result, trainer, _ = run(data, tmp_path / "second", config, initial=first.archive, resume=True)
+    blended = trainer.judged().state_dict()
+    for name, value in trainer.network.state_dict().items():
+        if value.is_floating_point():
+            torch.testing.assert_close(blended[name], 0.75 * initial[name] + 0.25 * value)
+    assert not stopped.finished
+    assert result.finished
+
+
+def test_frames_without_ground_truth_cannot_be_validated_on(
+    tmp_path: Path, data: TrainingData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = CachedDrive.__getitem__
+
+    def read_sky(drive: CachedDrive, index: int) -> TrainingSample:
+        sample = read(drive, index)
+        return dataclasses.replace(sample, depth_m=np.full_like(sample.depth_m, math.inf))
+
+    monkeypatch.setattr(CachedDrive, "__getitem__", read_sky)
+    with pytest.raises(TrainingError, match="none of the 1 frames to validate on has ground truth nearer than 80 m"):
+        run(data, tmp_path / "run")
+
+
+def test_a_batch_that_processes_cannot_share_is_refused(tmp_path: Path, data: TrainingData) -> None:
+    with pytest.raises(TrainingError, match="a batch of 1 samples cannot be split evenly among 2 processes"):
+        Trainer("miniature", data, CONFIG, tmp_path, Watch(), False, ranks=Ranks(0, 2))
+
+
 def test_resuming_with_other_data_or_nothing_is_refused(tmp_path: Path, data: TrainingData) -> None:
     with pytest.raises(TrainingError, match="no checkpoint"):
         run(data, tmp_path / "none", resume=True)
@@ -249,6 +256,7 @@ def test_resuming_with_other_data_or_nothing_is_refused(tmp_path: Path, data: Tr
     fewer, _ = data.train.split(0.5)
     with pytest.raises(TrainingError, match="trained on 5 samples"):
         run(dataclasses.replace(data, train=fewer), tmp_path / "run", resume=True)
-    (tmp_path / "run" / "last.pt").write_bytes(b"no checkpoint")
+    for checkpoint in (tmp_path / "run").glob("*.pt"):
+        checkpoint.write_bytes(b"no checkpoint")
     with pytest.raises(TrainingError, match="cannot be resumed"):
         run(data, tmp_path / "run", resume=True)

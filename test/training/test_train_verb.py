@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -12,6 +14,7 @@ from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import archive
 from radcam_depth_ros.training import cache, rehearsal
+from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.plan import RunPlan
 from radcam_depth_ros.training.recipe import FINE_TUNING
 
@@ -102,6 +105,29 @@ def test_a_run_that_was_cut_off_before_its_first_checkpoint_begins_again(
         checkpoint.unlink()
     assert "2 iterations" in archive.load(run / "baff.safetensors").card.training_data
     invoke("--out", run, "--resume")
+    assert (run / "last.pt").is_file()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_a_run_with_a_checkpoint(
+    number: signal.Signals,
+    tmp_path: Path,
+    recipe: Path,
+    make_bags: Callable[[int], list[Path]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    iterate = Trainer._iterate
+
+    def iterate_and_raise(*arguments: Any) -> dict[str, float]:
+        signal.raise_signal(number)
+        return iterate(*arguments)
+
+    monkeypatch.setattr(Trainer, "_iterate", iterate_and_raise)
+    run = tmp_path / "run"
+    words = ["train", "--bags", str(make_bags(2)[0].parent), "--out", str(run), "--config", str(recipe)]
+    result = CliRunner().invoke(app, [*words, "--processes", "1"])
+    assert result.exit_code == 130
+    assert "stopped at iteration 1; go on with: radcam-depth train --out" in " ".join(result.output.split())
     assert (run / "last.pt").is_file()
 
 

@@ -1,0 +1,122 @@
+"""A network of two convolutions and its training, in this process or in others that are killed or share the work."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+# An optimiser and a picture ask for these: processes that are forked from one that knows this module start at once.
+import matplotlib.figure  # noqa: F401
+import torch
+import torch._dynamo
+from torch import Tensor, nn
+
+from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, registry
+from radcam_depth_ros.training import fit
+from radcam_depth_ros.training.batches import SampleSet
+from radcam_depth_ros.training.fit import Trainer, TrainingData
+from radcam_depth_ros.training.normalisation import join_batch_norms
+from radcam_depth_ros.training.observer import StepReport, ValidationReport
+from radcam_depth_ros.training.ranks import Ranks, joined
+from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
+from radcam_depth_ros.training.samples import CachedDrive
+
+
+@dataclass(frozen=True)
+class MiniatureConfig:
+    """What every network's config has."""
+
+    focal_length_px: float = 630.0
+    min_depth_m: float = 1.0
+    max_depth_m: float = 100.0
+
+
+class Miniature(Network):
+    """Two convolutions, and one logit a pixel that all returns share: quick, and with all that training asks for."""
+
+    config_type = MiniatureConfig
+
+    def __init__(self, config: MiniatureConfig) -> None:
+        super().__init__(config)
+        self.layers = nn.Sequential(
+            nn.Conv2d(3, 16, 5, padding=2, bias=False), nn.BatchNorm2d(16), nn.ReLU(), nn.Conv2d(16, 3, 5, padding=2)
+        )
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        depths = self.train_outputs(image, radar, valid, ground).depths
+        assert depths is not None
+        return depths
+
+    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
+        raw = self.layers(image).float()
+        dense = 1 + 99 * torch.sigmoid(raw[:, :1])
+        column = torch.arange(image.shape[3]).expand(*valid.shape, -1)
+        association = Association(
+            raw[:, 1:2].expand(-1, valid.shape[1], -1, -1),
+            radar[:, :, 2:3].unsqueeze(3),
+            torch.where(valid.unsqueeze(2), column, -1),
+        )
+        confidence = raw[:, 2:]
+        return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None, None)
+
+
+CONFIG = TrainingConfig(
+    iterations=6,
+    log_every_iterations=2,
+    stages=(StageConfig(0.5, ((64, 64),), 2), StageConfig(0.5, ((64, 96),), 1)),
+    optimiser=OptimiserConfig(warm_up_iterations=2),
+    validation=ValidationConfig(every_iterations=4, frames=1),
+)
+
+
+class Watch:
+    """Counts what a run tells."""
+
+    def __init__(self) -> None:
+        self.steps: list[StepReport] = []
+        self.validations: list[int] = []
+        self.notes: list[str] = []
+
+    def on_step(self, report: StepReport) -> None:
+        self.steps.append(report)
+
+    def on_validation(self, report: ValidationReport) -> None:
+        self.validations.append(report.step)
+
+    def on_note(self, text: str) -> None:
+        self.notes.append(text)
+
+
+def data_of(drive: CachedDrive) -> TrainingData:
+    """Five frames to train on, one to validate on."""
+    train, validation = SampleSet.of([drive]).split(0.2)
+    return TrainingData(train, validation, "six made-up frames")
+
+
+def train_here(
+    network: str, config: TrainingConfig, drive: Path, folder: Path, resume: bool, environment: Mapping[str, str]
+) -> None:
+    """Runs a training as a process of its own; leaves weights, statistics and the last gradients in `N.pt`.
+
+    Batch norms are the joint ones also where it is alone: torch's own sum up with more rounding.
+    """
+    os.environ.update(environment)
+    create = fit.networks.create
+
+    def create_joint(name: str, architecture: Mapping[str, Any]) -> Network:
+        made = create(name, architecture)
+        join_batch_norms(made, Ranks())
+        return made
+
+    fit.networks.create = create_joint
+    registry._NETWORKS["miniature"] = Miniature
+    torch.set_num_threads(1)
+    folder.mkdir(exist_ok=True)
+    with joined() as ranks:
+        trainer = Trainer(network, data_of(CachedDrive(drive)), config, folder, Watch(), resume, ranks=ranks)
+        trainer.run()
+        gradients = {name: value.grad for name, value in trainer.network.named_parameters()}
+        torch.save({"weights": trainer.network.state_dict(), "gradients": gradients}, folder / f"{ranks.rank}.pt")
