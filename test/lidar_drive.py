@@ -66,7 +66,7 @@ def box_left_m(time_s: float) -> float:
 
 
 def scan_points(time_s: float) -> FloatArray:
-    """What the LiDAR sees, (N, 3) metres in the vehicle's axes around it: the nearer of box and wall in each direction."""
+    """What the LiDAR sees, (N, 3) metres around it in the vehicle's axes: in each direction box or wall."""
     azimuth, elevation = np.meshgrid(np.deg2rad(np.arange(-35, 35, 0.5)), np.deg2rad(np.arange(-1.5, 12, 0.75)))
     rays = np.stack([np.ones_like(azimuth), np.tan(azimuth), np.tan(elevation)], axis=-1).reshape(-1, 3)
     ahead = SPEED_MPS * time_s
@@ -112,12 +112,11 @@ def _events(drive: LidarDrive, loop: int) -> list[tuple[int, str, object]]:
         if index % drive.lidar_every == 0:
             xyz = LIDAR.inverse().rotation @ scan_points(time_s + 0.02).T
             cloud = dict(zip("xyz", xyz.astype(np.float32), strict=True))
-            frame = drive.lidar_frame
             add(
                 "/lidar/points",
                 time_s + 0.02,
                 drive.lidar_clock_s,
-                lambda stamp, cloud=cloud: encode_points(factory, cloud, stamp, frame),  # type: ignore[misc]
+                lambda stamp, cloud=cloud: encode_points(factory, cloud, stamp, drive.lidar_frame),  # type: ignore[misc]
             )
     for index in range(-1, drive.frames * 5 + 2):
         time_s = index / 50

@@ -201,7 +201,7 @@ def test_what_many_bags_lack_is_told_once(
 
 
 def test_a_bag_that_is_gone_is_named(tmp_path: Path) -> None:
-    with pytest.raises(TrainingError, match="no bag at .*gone.mcap any more"):
+    with pytest.raises(TrainingError, match=r"no bag at .*gone\.mcap any more"):
         build_drive(tmp_path / "gone.mcap", tmp_path / "drive", SETTINGS)
 
 
