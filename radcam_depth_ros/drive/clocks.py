@@ -58,7 +58,7 @@ class Clocks:
         if stamps[0] > images[-1] or stamps[-1] < images[0]:
             return self._apart(topic, float(stamps[0] - images[0]) / 1e9)
         if len(stamps) < len(images) / 10:
-            return f"there are {len(stamps)} messages on {topic} for {len(images)} images; record it all the time"
+            return f"{topic} has {len(stamps)} for {len(images)} images; record it all the time"
         typical_s = float(np.median(_distances(images, stamps))) / 1e9
         return (
             f"the nearest on {topic} is typically {typical_s:.3f} s away, more than the {max_offset_s:g} s that are "

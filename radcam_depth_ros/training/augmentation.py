@@ -189,6 +189,7 @@ def zoom(sample: TrainingSample, size: tuple[int, int]) -> TrainingSample:
         image=cv2.resize(np.ascontiguousarray(sample.image), (width, height), interpolation=cv2.INTER_LINEAR),
         depth_m=sample.depth_m[rows, columns],
         classes=sample.classes[rows, columns],
+        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[rows, columns],
         radar=radar,
         camera=camera,
     )

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import ground_coefficients
+from radcam_depth_ros.resampling import use_one_thread
 from radcam_depth_ros.training.augmentation import AugmentationConfig, augment
 from radcam_depth_ros.training.order import Order, rehearsals_before
 from radcam_depth_ros.training.samples import RADAR_COLUMNS, CachedDrive, TrainingError, TrainingSample
@@ -168,6 +169,8 @@ class BatchMaker:
         self._rehearsal = rehearsal
         self._share = rehearsal_share if rehearsal is not None else 0.0
         self._rehearsal_order = Order(len(rehearsal or samples), (seed, 2))
+        # As torch's threads, OpenCV's would take turns with those of the network that trains.
+        use_one_thread()
 
     def make(self, position: int, count: int, size: tuple[int, int]) -> Batch:
         """The batch of the samples number `position` to `position + count`, cropped to `size` (height, width)."""
