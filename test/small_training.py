@@ -111,7 +111,8 @@ def train_here(
         join_batch_norms(made, Ranks())
         return made
 
-    fit.networks.create = create_joint
+    if "RANK" not in environment:
+        fit.networks.create = create_joint
     registry._NETWORKS["miniature"] = Miniature
     torch.set_num_threads(1)
     folder.mkdir(exist_ok=True)

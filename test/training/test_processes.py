@@ -22,7 +22,7 @@ from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
 from radcam_depth_ros.training.samples import CachedDrive
 
-ENDLESS_S = 100.0
+ENDLESS_S = 600.0
 
 # Forked from a process that has imported all, and used no thread of it: they start at once.
 CONTEXT = multiprocessing.get_context("forkserver")
@@ -54,6 +54,7 @@ def record(folder: Path) -> list[dict[str, Any]]:
     return [{name: value for name, value in line.items() if name != "minutes"} for line in lines]
 
 
+@pytest.mark.timeout(400)  # four processes after one another, on a machine that may be busy
 def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
     tmp_path: Path, drive: CachedDrive
 ) -> None:
@@ -124,8 +125,11 @@ def test_two_processes_learn_what_one_does_with_the_joint_batch(
         if value is not None:
             torch.testing.assert_close(first["gradients"][name], value, rtol=1e-3, atol=1e-5 * squared**0.5, msg=name)
     for mine, theirs in zip(record(tmp_path / "one"), record(tmp_path / "two"), strict=True):
-        assert mine.pop("kind") == theirs.pop("kind")
-        assert mine == pytest.approx(theirs, rel=1e-4, abs=1e-4)
+        assert {name for name, value in mine.items() if value is None} == {
+            name for name, value in theirs.items() if value is None
+        }
+        for name, value in mine.items():
+            assert theirs[name] == (pytest.approx(value, rel=1e-4, abs=1e-4) if isinstance(value, float) else value)
     assert sorted(path.name for path in (tmp_path / "one").iterdir() if path.suffix != ".pt") == sorted(
         path.name for path in (tmp_path / "two").iterdir() if path.suffix != ".pt"
     )
