@@ -222,11 +222,12 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
         progress.update(task, advance=1, status=bag.name)
 
     hold_out = recipe.validation.hold_out
-    data = load_data(bags, validation_bags, hold_out, cache, settings, processes, on_bag, progress.console.print)
+    on_note = progress.console.print
+    data = load_data(bags, validation_bags, hold_out, cache, settings, processes, on_bag, on_note)
     if plan.init is not None:
         data = replace(data, description=f"{data.description}, from the weights of {Path(plan.init).stem}")
     if rehearsal_bags:
-        data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, cache, settings, processes, on_bag)
+        data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, cache, settings, processes, on_bag, on_note)
     return data
 
 

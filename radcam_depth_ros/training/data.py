@@ -108,6 +108,7 @@ def with_rehearsal(
     settings: CacheSettings,
     processes: int = 1,
     on_bag: Callable[[Path], None] = lambda bag: None,
+    on_note: Callable[[str], None] = lambda note: None,
 ) -> TrainingData:
     """The same data with bags to rehearse, of which the last are held out to see what is forgotten.
 
@@ -119,9 +120,10 @@ def with_rehearsal(
         settings: See `cache`.
         processes: See `cache`.
         on_bag: See `cache`.
+        on_note: See `cache`.
     """
     refuse_test_drives(bags)
-    drives = cached_drives(bags, cache, settings, processes, on_bag)
+    drives = cached_drives(bags, cache, settings, processes, on_bag, on_note)
     if len(drives) > 1:
         last = max(1, round(config.hold_out * len(drives)))
         train, validation = SampleSet.of(drives[:-last]), SampleSet.of(drives[-last:])
