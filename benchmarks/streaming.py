@@ -97,7 +97,7 @@ def measure(folder: Path, batches: int) -> Figures:
     opened_s = time.perf_counter() - started
     maker = BatchMaker(samples, AugmentationConfig(), 0)
     started, cpu = time.perf_counter(), time.process_time()
-    with ThreadPoolExecutor(1) as pool, closing(prefetch(maker, 0, BATCH, CROP, pool, 3)) as made:
+    with ThreadPoolExecutor(1) as pool, closing(prefetch(maker, 0, BATCH, [CROP], pool, 3, BATCH)) as made:
         read = sum(len(batch.image) for batch in islice(made, batches))
     seconds = time.perf_counter() - started
     return Figures(
