@@ -59,6 +59,13 @@ def train(
     tensorboard: Annotated[
         bool, typer.Option("--tensorboard", help="Write the losses for TensorBoard as well, if it is installed.")
     ] = False,
+    ground_truth: Annotated[
+        str,
+        typer.Option(
+            help="any: exact depth images where a bag has them, else LiDAR, accumulated where it has odometry; exact; "
+            "lidar; both: exact, and the nearest LiDAR scan besides."
+        ),
+    ] = "any",
     processes: Annotated[int, typer.Option(min=1, help="Bags that are prepared at once.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, with its bags and recipe.")
@@ -84,6 +91,7 @@ def train(
         given = [*(bags or []), *(more_bags or [])]
         if not resume:
             plan = _new_plan(out, network, given, validation_bags or [], rehearsal_bags or [], config, cache, init)
+            plan = replace(plan, ground_truth=ground_truth)
         elif given or validation_bags or rehearsal_bags or config or init or seed is not None:
             raise TrainingError(
                 "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
@@ -188,6 +196,7 @@ def _new_plan(
 
 
 def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
+    from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.networks import registry
     from radcam_depth_ros.training.cache import CacheSettings
     from radcam_depth_ros.training.data import load_data, with_rehearsal
@@ -195,7 +204,8 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
 
     recipe, cache = plan.config, Path(plan.cache)
     architecture = registry.create_config(plan.network, recipe.architecture)
-    settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m)
+    drive = DriveSettings(ground_truth=plan.ground_truth, accumulate="where_possible")
+    settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m, drive)
     bags, validation_bags, rehearsal_bags = (
         [Path(bag) for bag in group] for group in (plan.bags, plan.validation_bags, plan.rehearsal_bags)
     )
@@ -211,10 +221,15 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
     def on_bag(bag: Path) -> None:
         progress.update(task, advance=1, status=bag.name)
 
-    data = load_data(bags, validation_bags, recipe.validation.hold_out, cache, settings, processes, on_bag)
+    hold_out = recipe.validation.hold_out
+    data = load_data(
+        bags, validation_bags, hold_out, cache, settings, processes, on_bag, lambda note: progress.console.print(note)
+    )
     if plan.init is not None:
         data = replace(data, description=f"{data.description}, from the weights of {Path(plan.init).stem}")
     if rehearsal_bags:
+        # Rehearsed drives bring the truth that they have, whatever the new ones are asked for.
+        settings = replace(settings, drive=replace(drive, ground_truth="any"))
         data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, cache, settings, processes, on_bag)
     return data
 

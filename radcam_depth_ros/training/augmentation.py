@@ -152,6 +152,7 @@ def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -
     camera = CameraModel(
         width, height, sample.camera.fx, sample.camera.fy, sample.camera.cx - left, sample.camera.cy - top
     )
+    single_m = sample.depth_single_m
     radar = sample.radar.copy()
     radar[:, _U] -= left
     radar[:, _V] -= top
@@ -161,6 +162,7 @@ def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -
         image=_window(sample.image, top, left, height, width, 0),
         depth_m=_window(sample.depth_m, top, left, height, width, np.nan),
         classes=_window(sample.classes, top, left, height, width, UNKNOWN_CLASS),
+        depth_single_m=None if single_m is None else _window(single_m, top, left, height, width, np.nan),
         radar=radar[inside],
         radar_source=sample.radar_source[inside],
         camera=camera,
@@ -187,6 +189,7 @@ def zoom(sample: TrainingSample, size: tuple[int, int]) -> TrainingSample:
         image=cv2.resize(np.ascontiguousarray(sample.image), (width, height), interpolation=cv2.INTER_LINEAR),
         depth_m=sample.depth_m[rows, columns],
         classes=sample.classes[rows, columns],
+        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[rows, columns],
         radar=radar,
         camera=camera,
     )
@@ -203,6 +206,7 @@ def mirror(sample: TrainingSample) -> TrainingSample:
         image=sample.image[:, ::-1],
         depth_m=sample.depth_m[:, ::-1],
         classes=sample.classes[:, ::-1],
+        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[:, ::-1],
         radar=radar,
         camera=replace(sample.camera, cx=last - sample.camera.cx),
         ground=GroundPlane(sample.ground.height_m, (-up_x, up_y, up_z)),

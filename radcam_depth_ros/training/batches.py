@@ -18,6 +18,7 @@ from torch import Tensor
 
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import ground_coefficients
+from radcam_depth_ros.resampling import use_one_thread
 from radcam_depth_ros.training.augmentation import AugmentationConfig, augment
 from radcam_depth_ros.training.order import Order, rehearsals_before
 from radcam_depth_ros.training.samples import RADAR_COLUMNS, CachedDrive, TrainingError, TrainingSample
@@ -121,15 +122,25 @@ def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | No
         radar[index, : len(sample.radar)] = sample.radar
         valid[index, : len(sample.radar)] = True
     ground = np.stack([ground_coefficients(sample.ground, sample.camera) for sample in samples])
+    # Where one ground truth serves as both it stands for the single one too.
+    singles = [sample.depth_m if sample.depth_single_m is None else sample.depth_single_m for sample in samples]
+    differ = any(sample.depth_single_m is not None for sample in samples)
+    # All arithmetic is numpy's: a thread that uses torch's gets a team of OpenMP threads of its own, and with more such
+    # threads than processors those of the thread that trains stop spinning while they wait.
     return Batch(
         image=torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2),
         radar=torch.from_numpy(radar),
         valid=torch.from_numpy(valid),
         ground=torch.from_numpy(ground),
-        depth_accumulated_m=torch.from_numpy(np.stack([sample.depth_m for sample in samples])).float().unsqueeze(1),
-        depth_single_m=None,
+        depth_accumulated_m=_depths([sample.depth_m for sample in samples]),
+        depth_single_m=_depths(singles) if differ else None,
         classes=torch.from_numpy(np.stack([sample.classes for sample in samples])),
     )
+
+
+def _depths(depths_m: Sequence[npt.NDArray[np.float16]]) -> Tensor:
+    """(B, 1, H, W) float32."""
+    return torch.from_numpy(np.stack(depths_m).astype(np.float32)[:, None])
 
 
 class BatchMaker:
@@ -158,6 +169,8 @@ class BatchMaker:
         self._rehearsal = rehearsal
         self._share = rehearsal_share if rehearsal is not None else 0.0
         self._rehearsal_order = Order(len(rehearsal or samples), (seed, 2))
+        # As torch's threads, OpenCV's would take turns with those of the network that trains.
+        use_one_thread()
 
     def make(self, position: int, count: int, size: tuple[int, int]) -> Batch:
         """The batch of the samples number `position` to `position + count`, cropped to `size` (height, width)."""

@@ -1,17 +1,19 @@
-"""Builds cached drives from bags: decode, pair and resample once, then train from memory maps."""
+"""Builds cached drives from bags: decode, pair, accumulate and resample once, then train from raw arrays."""
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import multiprocessing
+import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import ExitStack
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -23,12 +25,15 @@ from radcam_depth_ros.frame import CameraModel, FloatArray
 from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.resampling import resample_image
 from radcam_depth_ros.training.samples import (
+    CARD,
     FORMAT_VERSION,
     RADAR_COLUMNS,
     UNKNOWN_CLASS,
     CachedDrive,
     DriveCard,
+    SampleWriter,
     TrainingError,
+    TrainingSample,
 )
 
 
@@ -39,12 +44,12 @@ class CacheSettings:
     Attributes:
         focal_length_px: The network's.
         max_depth_m: Farthest depth that the network gives: returns beyond it are left out.
-        drive: How bags are read.
+        drive: How bags are read: LiDAR scans are accumulated where the bag tells how the vehicle moved.
     """
 
     focal_length_px: float
     max_depth_m: float
-    drive: DriveSettings = field(default_factory=DriveSettings)
+    drive: DriveSettings = field(default_factory=lambda: DriveSettings(accumulate="where_possible"))
 
 
 def cached_drives(
@@ -53,6 +58,7 @@ def cached_drives(
     settings: CacheSettings,
     processes: int = 1,
     on_bag: Callable[[Path], None] = lambda bag: None,
+    on_note: Callable[[str], None] = lambda note: None,
 ) -> tuple[CachedDrive, ...]:
     """The cached drives of some bags; those that are missing, or whose bag or settings changed, are built.
 
@@ -62,6 +68,7 @@ def cached_drives(
         settings: What samples are made with.
         processes: Bags that are read at once.
         on_bag: Called after each bag that is ready.
+        on_note: Told what the bags lack, once for all that lack the same.
 
     Raises:
         TrainingError: for a bag without any frame with ground truth, or when the cache cannot be written.
@@ -80,6 +87,11 @@ def cached_drives(
                 for future in as_completed(futures):
                     future.result()
                     on_bag(futures[future])
+            except BrokenProcessPool:
+                raise TrainingError(
+                    "a process that prepared samples was killed, most likely since memory ran out; prepare fewer bags "
+                    "at once (--processes 1), what is ready is kept"
+                ) from None
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
@@ -87,44 +99,81 @@ def cached_drives(
         for bag in missing:
             build_drive(bag, places[bag], settings)
             on_bag(bag)
-    return tuple(CachedDrive(places[bag]) for bag in bags)
+    drives = tuple(CachedDrive(places[bag]) for bag in bags)
+    _tell_notes(drives, on_note)
+    return drives
+
+
+def _tell_notes(drives: Sequence[CachedDrive], on_note: Callable[[str], None]) -> None:
+    sources: dict[str, list[str]] = {}
+    for drive in drives:
+        for note in drive.card.notes:
+            sources.setdefault(note, []).append(drive.card.source)
+    for note, bags in sources.items():
+        others = f" and {len(bags) - 1} more bags" if len(bags) > 1 else ""
+        on_note(f"{bags[0]}{others}: {note}")
 
 
 def build_drive(bag: Path, place: Path, settings: CacheSettings) -> None:
     """Reads a bag and writes its cached drive; `place` appears whole or not at all.
 
+    Processes that build the same drive at once take turns, and the later ones find it built. What a killed one left
+    behind is removed.
+
     Raises:
-        TrainingError: when no frame of the bag has ground truth, the image size changes within it, or the disk is full.
+        TrainingError: when no frame of the bag has ground truth, the camera changes within it, or the disk is full.
     """
     partial = place.with_name(place.name + ".part")
-    shutil.rmtree(partial, ignore_errors=True)
     try:
-        partial.mkdir(parents=True)
-        _write_drive(bag, partial, settings)
-        shutil.rmtree(place, ignore_errors=True)
-        partial.rename(place)
+        with _locked(partial):
+            if _is_current(bag, place, settings):
+                partial.rmdir()
+                return
+            try:
+                _write_drive(bag, partial, settings)
+                shutil.rmtree(place, ignore_errors=True)
+                partial.rename(place)
+            except BaseException:
+                shutil.rmtree(partial, ignore_errors=True)
+                raise
     except OSError as error:
         raise TrainingError(
             f"cannot write the sample cache {place.parent}: {error.strerror or error}; free some space there or choose "
             "another place with --cache"
         ) from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Makes an empty folder that this process alone writes to; waits for another one that does.
+
+    The lock is on the folder itself: it goes with the process, and no file is left.
+    """
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        except FileNotFoundError:
+            continue  # another process has just finished it
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            # Another process may have finished while this one waited, and its folder has another name now.
+            if folder.is_dir() and folder.stat().st_ino == os.fstat(handle).st_ino:
+                for leftover in folder.iterdir():
+                    leftover.unlink()
+                yield
+                return
+        finally:
+            os.close(handle)
 
 
 def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
+    stat = _bag_stat(bag)
     camera: CameraModel | None = None
-    radar: list[FloatArray] = []
-    source: list[npt.NDArray[np.uint8]] = []
-    ground: list[list[float]] = []
-    stamps: list[int] = []
     radars: tuple[str, ...] = ()
-    classes_seen = 0
-    with ExitStack() as files:
-        image_file, depth_file, classes_file = (
-            files.enter_context((folder / f"{kind}.raw").open("wb")) for kind in ("image", "depth", "classes")
-        )
-        for sample in read_samples(bag, settings.drive):
+    notes: list[str] = []
+    with SampleWriter(folder) as writer:
+        for sample in read_samples(bag, settings.drive, notes.append):
             if sample.source == "none":
                 continue
             plan = CanonicalCamera.plan(sample.frame.camera, settings.focal_length_px)
@@ -133,44 +182,37 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
                 raise TrainingError(
                     f"{bag}: the camera changes within the bag, from {camera} to {plan.network}; record a bag for each"
                 )
-            _write_images(sample, plan, image_file, depth_file, classes_file)
-            classes_seen += sample.classes is not None
-            returns, kept_source = _returns(sample, plan, settings)
-            radar.append(returns)
-            source.append(kept_source)
-            ground.append([sample.frame.ground.height_m, *sample.frame.ground.up])
-            stamps.append(sample.frame.stamp_ns)
+            writer.write(_at_focal_length(sample, plan, settings), sample.frame.stamp_ns)
             radars = sample.radars
-    if camera is None:
-        raise TrainingError(
-            f"{bag} has no frame with ground truth; training needs a depth image topic, or a LiDAR topic with "
-            "stamps near the images'"
-        )
-    np.save(folder / "radar.npy", np.concatenate(radar).reshape(-1, RADAR_COLUMNS))
-    np.save(folder / "radar_source.npy", np.concatenate(source))
-    np.save(folder / "radar_start.npy", np.cumsum([0, *(len(part) for part in radar)], dtype=np.int64))
-    np.save(folder / "ground.npy", np.array(ground, np.float64))
-    np.save(folder / "stamp_ns.npy", np.array(stamps, np.int64))
-    if not classes_seen:
-        (folder / "classes.raw").unlink()
-    size, mtime_ns = _bag_stat(bag)
-    mapping = configuration.as_mapping(settings)
-    card = DriveCard(FORMAT_VERSION, str(bag), size, mtime_ns, mapping, len(radar), camera, radars, classes_seen > 0)
-    card.write(folder / "drive.json")
+        if camera is None:
+            raise TrainingError(
+                f"{bag} has no frame with ground truth; training needs a depth image topic, or a LiDAR topic with "
+                "stamps near the images'"
+            )
+        mapping = configuration.as_mapping(settings)
+        writer.finish(DriveCard(FORMAT_VERSION, str(bag), *stat, mapping, len(writer), camera, radars, tuple(notes)))
 
 
-def _write_images(
-    sample: Sample, plan: CanonicalCamera, image_file: BinaryIO, depth_file: BinaryIO, classes_file: BinaryIO
-) -> None:
-    image_file.write(resample_image(sample.frame.image, plan, sample.frame.lens).data)
-    depth = resample_depth(sample.depth_m, plan, sparse=sample.source == "lidar")
-    depth_file.write(depth.astype(np.float16).data)
-    size = (plan.network.height, plan.network.width)
-    classes = np.full(size, UNKNOWN_CLASS, np.uint8)
+def _at_focal_length(sample: Sample, plan: CanonicalCamera, settings: CacheSettings) -> TrainingSample:
+    classes = np.full((plan.network.height, plan.network.width), UNKNOWN_CLASS, np.uint8)
     if sample.classes is not None:
         rows, columns = _nearest_source(plan)
         classes[: plan.scaled.height, : plan.scaled.width] = sample.classes[rows[:, None], columns[None, :]]
-    classes_file.write(classes.data)
+    depth_m = resample_depth(sample.depth_m, plan, sparse=sample.source == "lidar")
+    single_m = None
+    if sample.depth_single_m is not None:
+        single_m = resample_depth(sample.depth_single_m, plan, sparse=True).astype(np.float16)
+    radar, source = _returns(sample, plan, settings)
+    return TrainingSample(
+        image=resample_image(sample.frame.image, plan, sample.frame.lens),
+        depth_m=depth_m.astype(np.float16),
+        classes=classes,
+        radar=radar,
+        radar_source=source,
+        camera=plan.network,
+        ground=sample.frame.ground,
+        depth_single_m=single_m,
+    )
 
 
 def resample_depth(depth_m: FloatArray, plan: CanonicalCamera, *, sparse: bool) -> FloatArray:
@@ -230,15 +272,20 @@ def _place(bag: Path, folder: Path, settings: CacheSettings) -> Path:
 
 
 def _is_current(bag: Path, place: Path, settings: CacheSettings) -> bool:
-    if not (place / "drive.json").is_file():
+    if not (place / CARD).is_file():
         return False
-    card = DriveCard.read(place / "drive.json")
-    size, mtime_ns = _bag_stat(bag)
-    same_bag = (card.source_size, card.source_mtime_ns) == (size, mtime_ns)
+    try:
+        card = DriveCard.read(place / CARD)
+    except TrainingError:
+        return False
+    same_bag = (card.source_size, card.source_mtime_ns) == _bag_stat(bag)
     return same_bag and card.version == FORMAT_VERSION and card.settings == configuration.as_mapping(settings)
 
 
 def _bag_stat(bag: Path) -> tuple[int, int]:
     """Size and time of change of a bag, whether a file or a folder of files."""
-    parts = [part.stat() for part in (sorted(bag.iterdir()) if bag.is_dir() else [bag])]
+    try:
+        parts = [part.stat() for part in (sorted(bag.iterdir()) if bag.is_dir() else [bag])]
+    except FileNotFoundError:
+        raise TrainingError(f"there is no bag at {bag} any more; put it back, or start a run without it") from None
     return sum(part.st_size for part in parts), max((part.st_mtime_ns for part in parts), default=0)

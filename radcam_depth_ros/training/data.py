@@ -62,6 +62,7 @@ def load_data(
     settings: CacheSettings,
     processes: int = 1,
     on_bag: Callable[[Path], None] = lambda bag: None,
+    on_note: Callable[[str], None] = lambda note: None,
 ) -> TrainingData:
     """Samples to train and to validate on, cached where they are not yet.
 
@@ -74,6 +75,7 @@ def load_data(
         settings: What samples are made with.
         processes: Bags that are read at once.
         on_bag: Called after each bag that is ready.
+        on_note: Told what the bags lack but can be done without.
 
     Raises:
         TrainingError: when a bag is in both, is a test drive, or has no ground truth.
@@ -87,7 +89,7 @@ def load_data(
         every = max(2, round(1 / hold_out))
         validation_bags = bags[every // 2 :: every] or bags[-1:]
         bags = [bag for bag in bags if bag not in validation_bags]
-    drives = cached_drives([*bags, *validation_bags], cache, settings, processes, on_bag)
+    drives = cached_drives([*bags, *validation_bags], cache, settings, processes, on_bag, on_note)
     train = SampleSet.of(drives[: len(bags)])
     if validation_bags:
         validation = SampleSet.of(drives[len(bags) :])

@@ -27,6 +27,7 @@ class RunPlan:
         rehearsal_bags: Bags to rehearse; simulated where there are none and the recipe rehearses.
         cache: Folder of prepared samples.
         init: Weights to start from: a network's name, or a file; random where there are none.
+        ground_truth: Which one is taken of the bags, see `DriveSettings`.
     """
 
     network: str
@@ -36,6 +37,7 @@ class RunPlan:
     rehearsal_bags: tuple[str, ...] = ()
     cache: str = "cache"
     init: str | None = None
+    ground_truth: str = "any"
 
     def write(self, folder: Path) -> None:
         """Writes `run.yaml` into the run's folder."""

@@ -1,13 +1,16 @@
-"""Prepared samples of a drive on disk, read through memory maps: no decoding while a network trains.
+"""Prepared samples of a drive on disk: no decoding while a network trains, and no more memory than a sample takes.
 
-A cached drive is a folder of raw arrays, one a kind, with a description beside them:
+A cached drive is a folder of three files:
 
-- `image.raw` (F, H, W, 3) uint8 RGB at the network's focal length;
-- `depth.raw` (F, H, W) float16 metres, NaN unknown, +inf sky (half precision: 0.05 % of the depth);
-- `classes.raw` (F, H, W) uint8, 255 unknown; only where the bag has them;
-- `radar.npy` (M, 6) float32, `radar_source.npy` (M,) uint8, `radar_start.npy` (F + 1,) int64: all points in a row;
-- `ground.npy` (F, 4) float64: height and normal of the road; `stamp_ns.npy` (F,) int64;
+- `samples.raw`: the samples one after the other, each a row of arrays: image (H, W, 3) uint8 RGB at the network's focal
+  length; depth (H, W) float16 metres, NaN unknown, +inf sky (half precision: 0.05 % of the depth); classes (H, W)
+  uint8, 255 unknown, only where the bag has them; returns (N, 6) float32; of a single scan the pixels (S,) uint32 and
+  their depths (S,) float16; the radar of each return (N,) uint8.
+- `index.npy`: where each begins, how many returns and pixels it has, its road and its stamp, see `INDEX`;
 - `drive.json`: see `DriveCard`.
+
+A sample is read in one go, from a file that is open for that time alone: a data set has as many drives as it likes, and
+a file that somebody cut short is an error and no crash, as it would be with a memory map.
 """
 
 from __future__ import annotations
@@ -16,20 +19,38 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane, ImageArray, RadcamDepthError
 
-FORMAT_VERSION = 2
+ValueT = TypeVar("ValueT", bound=np.generic)
+
+FORMAT_VERSION = 3
 """Counts changes of the layout above, and of how images are resampled; a cache of another version is built again."""
 
 RADAR_COLUMNS = 6
 """u px, v px, depth m, rcs dBsm, radial speed m/s, age s: what networks are given, NaN where unknown."""
 
 UNKNOWN_CLASS = 255
+
+SAMPLES, INDEX_FILE, CARD = "samples.raw", "index.npy", "drive.json"
+
+INDEX = np.dtype(
+    [
+        ("offset", "<i8"),
+        ("stamp_ns", "<i8"),
+        ("height_m", "<f8"),
+        ("up", "<f8", 3),
+        ("returns", "<i4"),
+        ("single_pixels", "<i4"),
+        ("has_classes", "?"),
+        ("has_single", "?"),
+    ]
+)
+"""A line of the index: bytes from the file's beginning, the image's stamp, the road, what the sample has."""
 
 
 class TrainingError(RadcamDepthError):
@@ -48,6 +69,7 @@ class TrainingSample:
         radar_source: (N,) uint8, which radar a point is of.
         camera: The camera of these images.
         ground: The flat road.
+        depth_single_m: (H, W) float16 depth of a single scan, NaN unknown; None where `depth_m` serves as that.
     """
 
     image: ImageArray
@@ -57,6 +79,7 @@ class TrainingSample:
     radar_source: npt.NDArray[np.uint8]
     camera: CameraModel
     ground: GroundPlane
+    depth_single_m: npt.NDArray[np.float16] | None = None
 
 
 @dataclass(frozen=True)
@@ -72,7 +95,7 @@ class DriveCard:
         frames: Number of samples.
         camera: The network's camera: its size is that of the images.
         radars: Names of the radars, in the order of their source index.
-        has_classes: Whether there are class images.
+        notes: What the bag lacks, a sentence each.
     """
 
     version: int
@@ -83,7 +106,7 @@ class DriveCard:
     frames: int
     camera: CameraModel
     radars: tuple[str, ...]
-    has_classes: bool
+    notes: tuple[str, ...]
 
     def write(self, path: Path) -> None:
         """Writes the card as JSON."""
@@ -99,55 +122,143 @@ class DriveCard:
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
             values["camera"] = CameraModel(**values["camera"])
-            values["radars"] = tuple(values["radars"])
+            values["radars"], values["notes"] = tuple(values["radars"]), tuple(values["notes"])
             return cls(**values)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise TrainingError(f"{path} does not describe a cached drive ({error}); delete its folder") from None
 
 
-class CachedDrive:
-    """The samples of one bag, memory-mapped: opening costs nothing, a sample costs the pages that are touched."""
+class SampleWriter:
+    """Writes the samples of a drive one after the other.
+
+    Args:
+        folder: An empty folder.
+    """
 
     def __init__(self, folder: Path) -> None:
-        self.card = DriveCard.read(folder / "drive.json")
-        height, width = self.card.camera.height, self.card.camera.width
-        shape = (self.card.frames, height, width)
+        self._folder = folder
+        self._file = (folder / SAMPLES).open("wb")
+        self._lines: list[tuple[int, int, float, tuple[float, float, float], int, int, bool, bool]] = []
+
+    def __enter__(self) -> SampleWriter:
+        return self
+
+    def __exit__(self, *reason: object) -> None:
+        self._file.close()
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    def write(self, sample: TrainingSample, stamp_ns: int) -> None:
+        """Adds a sample; its classes are left out where they are all unknown."""
+        has_classes = bool((sample.classes != UNKNOWN_CLASS).any())
+        single = np.zeros((0, 0), np.float16) if sample.depth_single_m is None else sample.depth_single_m
+        pixels = np.flatnonzero(~np.isnan(single)).astype(np.uint32)
+        ground, start = sample.ground, self._file.tell()
+        parts: list[npt.NDArray[Any]] = [sample.image, sample.depth_m]
+        parts += [sample.classes] if has_classes else []
+        parts += [sample.radar, pixels, single.ravel()[pixels], sample.radar_source]
+        for part in parts:
+            self._file.write(np.ascontiguousarray(part).data)
+        has_single = sample.depth_single_m is not None
+        self._lines.append(
+            (start, stamp_ns, ground.height_m, ground.up, len(sample.radar), len(pixels), has_classes, has_single)
+        )
+
+    def finish(self, card: DriveCard) -> None:
+        """Writes what describes the samples."""
+        self._file.flush()
+        np.save(self._folder / INDEX_FILE, np.array(self._lines, INDEX))
+        card.write(self._folder / CARD)
+
+
+class CachedDrive:
+    """The samples of one bag: opening reads the index alone, a sample is read when it is asked for.
+
+    Args:
+        folder: Where it is.
+
+    Raises:
+        TrainingError: when it is damaged.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.card = DriveCard.read(folder / CARD)
+        self._path = folder / SAMPLES
         try:
-            self._image = _map(folder / "image.raw", np.uint8, (*shape, 3))
-            self._depth = _map(folder / "depth.raw", np.float16, shape)
-            self._classes = _map(folder / "classes.raw", np.uint8, shape) if self.card.has_classes else None
-            self._radar = np.load(folder / "radar.npy")
-            self._radar_source = np.load(folder / "radar_source.npy")
-            self._radar_start = np.load(folder / "radar_start.npy")
-            self._ground = np.load(folder / "ground.npy")
-            self.stamps_ns: npt.NDArray[np.int64] = np.load(folder / "stamp_ns.npy")
-        except (OSError, ValueError) as error:
-            raise TrainingError(f"the cached drive {folder} is damaged ({error}); delete it") from None
+            self._index = np.load(folder / INDEX_FILE)
+            expected = int(self._index["offset"][-1]) + self._size(self._index[-1])
+            found = self._path.stat().st_size
+            if self._index.dtype != INDEX or len(self._index) != len(self) or found != expected:
+                raise ValueError(f"expected {len(self)} samples in {expected} bytes, got {found} bytes")
+        except (OSError, ValueError, IndexError) as error:
+            raise self._damaged(error) from None
 
     def __len__(self) -> int:
         return self.card.frames
 
+    @property
+    def stamps_ns(self) -> npt.NDArray[np.int64]:
+        """(F,) the images' stamps."""
+        return np.asarray(self._index["stamp_ns"], np.int64)
+
     def __getitem__(self, index: int) -> TrainingSample:
         if not 0 <= index < len(self):
             raise IndexError(index)
-        points = slice(int(self._radar_start[index]), int(self._radar_start[index + 1]))
-        height_m, *up = (float(value) for value in self._ground[index])
-        if self._classes is None:
-            classes = np.broadcast_to(np.uint8(UNKNOWN_CLASS), self._depth.shape[1:])
-        else:
-            classes = self._classes[index]
+        line = self._index[index]
+        buffer = np.empty(self._size(line), np.uint8)
+        try:
+            with self._path.open("rb", buffering=0) as file:
+                file.seek(int(line["offset"]))
+                read = file.readinto(buffer.data)
+            if read != len(buffer):
+                raise ValueError(f"sample {index} is cut short")
+        except (OSError, ValueError) as error:
+            raise self._damaged(error) from None
+        row = _Row(buffer)
+        camera, returns, pixels = self.card.camera, int(line["returns"]), int(line["single_pixels"])
+        shape = (camera.height, camera.width)
+        image = row.take(np.uint8, (*shape, 3))
+        depth_m = row.take(np.float16, shape)
+        unknown = np.broadcast_to(np.uint8(UNKNOWN_CLASS), shape)
+        classes = row.take(np.uint8, shape) if line["has_classes"] else unknown
+        radar = row.take(np.float32, (returns, RADAR_COLUMNS))
+        places, depths = row.take(np.uint32, (pixels,)), row.take(np.float16, (pixels,))
+        single_m = None
+        if line["has_single"]:
+            single_m = np.full(shape, np.nan, np.float16)
+            single_m.ravel()[places] = depths
+        up_x, up_y, up_z = (float(value) for value in line["up"])
         return TrainingSample(
-            image=self._image[index],
-            depth_m=self._depth[index],
+            image=image,
+            depth_m=depth_m,
             classes=classes,
-            radar=self._radar[points],
-            radar_source=self._radar_source[points],
-            camera=self.card.camera,
-            ground=GroundPlane(height_m, (up[0], up[1], up[2])),
+            radar=radar,
+            radar_source=row.take(np.uint8, (returns,)),
+            camera=camera,
+            ground=GroundPlane(float(line["height_m"]), (up_x, up_y, up_z)),
+            depth_single_m=single_m,
         )
 
+    def _size(self, line: np.void) -> int:
+        """Bytes of a sample."""
+        pixels = self.card.camera.height * self.card.camera.width
+        returns, single = int(line["returns"]), int(line["single_pixels"])
+        return (6 if line["has_classes"] else 5) * pixels + (4 * RADAR_COLUMNS + 1) * returns + 6 * single
 
-def _map(path: Path, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
-    mapped = np.memmap(path, dtype=dtype, mode="r", shape=shape)
-    # A plain view: indexing np.memmap itself costs a Python-level __array_finalize__ each time.
-    return np.asarray(mapped)
+    def _damaged(self, error: Exception) -> TrainingError:
+        return TrainingError(f"the cached drive {self._path.parent} is damaged ({error}); delete it")
+
+
+class _Row:
+    """Arrays one after the other in a buffer."""
+
+    def __init__(self, buffer: npt.NDArray[np.uint8]) -> None:
+        self._buffer = buffer
+        self._offset = 0
+
+    def take(self, dtype: type[ValueT], shape: tuple[int, ...]) -> npt.NDArray[ValueT]:
+        """The next array, as a view."""
+        array = np.ndarray(shape, dtype, self._buffer.data, self._offset)
+        self._offset += array.nbytes
+        return array

@@ -1,0 +1,28 @@
+"""A bag as frames with ground truth: one path for simulated, imported and recorded drives.
+
+Frames come from the same decode and pair as in the live node. Ground truth is the exact depth image of a simulator, the
+LiDAR scan nearest to the image, or many scans before and after it, moved to its time.
+"""
+
+from radcam_depth_ros.drive.reading import prime, read_samples
+from radcam_depth_ros.drive.sample import Sample
+from radcam_depth_ros.drive.settings import (
+    ACCUMULATIONS,
+    GROUND_TRUTHS,
+    AccumulationConfig,
+    DriveError,
+    DriveSettings,
+    DriveWarning,
+)
+
+__all__ = [
+    "ACCUMULATIONS",
+    "GROUND_TRUTHS",
+    "AccumulationConfig",
+    "DriveError",
+    "DriveSettings",
+    "DriveWarning",
+    "Sample",
+    "prime",
+    "read_samples",
+]

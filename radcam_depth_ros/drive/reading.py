@@ -1,0 +1,134 @@
+"""Reading a bag's frames with their ground truth."""
+
+from __future__ import annotations
+
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from radcam_depth_ros.bags import BagReader
+from radcam_depth_ros.bags.topics import SensorTopics
+from radcam_depth_ros.drive.accumulation import Accumulator
+from radcam_depth_ros.drive.clocks import Clocks
+from radcam_depth_ros.drive.sample import Sample
+from radcam_depth_ros.drive.settings import DriveError, DriveSettings, DriveWarning
+from radcam_depth_ros.drive.truth import GroundTruth
+from radcam_depth_ros.frame import Frame
+from radcam_depth_ros.intake import Intake
+from radcam_depth_ros.messages import stamp_ns
+
+_UNMATCHED_SHARE = 0.9
+_JUDGED_FRAMES = 10
+"""A share of fewer frames than this says nothing."""
+_EARLY_FRAMES = 20
+"""After so many frames clocks are compared: whoever reads an hour need not wait for its end."""
+
+
+def prime(reader: BagReader, intake: Intake, topics: SensorTopics) -> None:
+    """Gives the intake a bag's transforms and its first camera_info, as a node that was there before would have them.
+
+    A recording may hold an image before the first camera_info; live, that image would be lost.
+    """
+    if topics.tf_static:
+        for message in reader.messages([topics.tf_static]):
+            intake.accept("/tf_static", message.message, message.log_time_ns)
+    for message in reader.messages([topics.camera_info]):
+        intake.accept(message.topic, message.message, message.log_time_ns)
+        break
+
+
+def read_samples(
+    path: Path | str, settings: DriveSettings | None = None, tell: Callable[[str], None] | None = None
+) -> Iterator[Sample]:
+    """Reads a bag's frames with their ground truth, in order, each image that has one camera_info.
+
+    Args:
+        path: A rosbag2 folder or .mcap file.
+        settings: How to read it.
+        tell: Told, in a sentence each, of what the bag lacks but can be done without; a `DriveWarning` by default.
+
+    Raises:
+        RadcamDepthError: when the bag lacks what a frame needs, or holds a message that cannot be used; at the end, or
+            once it is certain, also when the sensors' stamps do not fit together.
+    """
+    settings = settings or DriveSettings()
+
+    def warn(sentence: str) -> None:
+        warnings.warn(f"{path}: {sentence}", DriveWarning, stacklevel=2)
+
+    tell = tell or warn
+    with BagReader(path) as reader, BagReader(path) as ahead:
+        topics = settings.topics(reader)
+        intake = Intake(settings.intake(topics))
+        prime(reader, intake, topics)
+        accumulator = Accumulator(ahead, topics, intake.transforms, settings.accumulation)
+        truth = GroundTruth(topics, settings, intake.transforms, accumulator, tell)
+        fit = _Fit(topics, settings, intake, truth)
+        waiting: deque[Frame] = deque()
+        wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics}
+        for message in reader.messages(wanted):
+            now_ns = message.log_time_ns
+            truth.accept(message.topic, message.message)
+            waiting.extend(intake.expire(now_ns))
+            waiting.extend(intake.accept(message.topic, message.message, now_ns))
+            fit.note(message.topic, stamp_ns(message.message.header), now_ns)
+            while waiting and truth.is_complete(waiting[0], now_ns):
+                yield fit.counted(truth.sample(waiting.popleft()))
+        waiting.extend(intake.flush())
+        for frame in waiting:
+            yield fit.counted(truth.sample(frame))
+        fit.judge(tell)
+
+
+class _Fit:
+    """Whether images, radars and ground truth of a bag fit together in time."""
+
+    def __init__(self, topics: SensorTopics, settings: DriveSettings, intake: Intake, truth: GroundTruth) -> None:
+        self._clocks = Clocks(topics.image)
+        self._topics, self._settings = topics, settings
+        self._intake, self._truth = intake, truth
+        self._frames = self._blind = 0
+
+    def note(self, topic: str, time_ns: int, now_ns: int) -> None:
+        """Takes note of a message's times."""
+        if topic in self._topics.radars:
+            time_ns += round(self._settings.pairing.radar_time_offset_s * 1e9)
+        self._clocks.add(topic, time_ns, now_ns)
+
+    def counted(self, sample: Sample) -> Sample:
+        """Takes note of a sample."""
+        self._frames += 1
+        self._blind += sample.source == "none"
+        if self._frames == _EARLY_FRAMES:
+            self._check_clocks()
+        return sample
+
+    def judge(self, tell: Callable[[str], None]) -> None:
+        """At a bag's end: refuses one whose radars or ground truth fit hardly any image."""
+        self._check_clocks()
+        if self._frames < _JUDGED_FRAMES:
+            return
+        limit_s = self._settings.pairing.max_time_offset_s
+        counts = self._intake.counts
+        if counts.radars and counts.unmatched >= _UNMATCHED_SHARE * self._frames:
+            reason = self._clocks.reason(counts.radars[0].name, limit_s)
+            raise DriveError(f"{counts.unmatched} of {self._frames} images have no radar sweep: {reason}")
+        for radar in counts.radars:
+            if radar.unmatched >= _UNMATCHED_SHARE * self._frames:
+                reason = self._clocks.reason(radar.name, limit_s)
+                tell(f"{radar.unmatched} of {self._frames} images have no sweep of {radar.name}: {reason}")
+        topic = self._truth.depth_topic
+        if topic is not None and self._blind >= _UNMATCHED_SHARE * self._frames:
+            exact = topic == self._topics.depth
+            reason = self._clocks.reason(topic, 0.0 if exact else self._settings.max_lidar_offset_s)
+            sentence = f"{self._blind} of {self._frames} images have no ground truth: {reason}"
+            if self._blind == self._frames:
+                raise DriveError(sentence)
+            tell(sentence)
+
+    def _check_clocks(self) -> None:
+        topic = self._truth.depth_topic
+        wrong = self._clocks.wrong((*self._topics.radars, *((topic,) if topic else ())))
+        if wrong is not None:
+            raise DriveError(wrong)
