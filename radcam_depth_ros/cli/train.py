@@ -56,6 +56,9 @@ def train(
     cache: Annotated[
         Path | None, typer.Option(help="Where prepared samples are kept; by default in the run's folder.")
     ] = None,
+    tensorboard: Annotated[
+        bool, typer.Option("--tensorboard", help="Write the losses for TensorBoard as well, if it is installed.")
+    ] = False,
     ground_truth: Annotated[
         str,
         typer.Option(
@@ -63,9 +66,6 @@ def train(
             "lidar; both: exact, and the nearest LiDAR scan besides."
         ),
     ] = "any",
-    tensorboard: Annotated[
-        bool, typer.Option("--tensorboard", help="Write the losses for TensorBoard as well, if it is installed.")
-    ] = False,
     processes: Annotated[int, typer.Option(min=1, help="Bags that are prepared at once.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, with its bags and recipe.")
@@ -227,6 +227,8 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
     if plan.init is not None:
         data = replace(data, description=f"{data.description}, from the weights of {Path(plan.init).stem}")
     if rehearsal_bags:
+        # Rehearsed drives bring the truth that they have, whatever the new ones are asked for.
+        settings = replace(settings, drive=replace(drive, ground_truth="any"))
         data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, cache, settings, processes, on_bag, on_note)
     return data
 

@@ -272,7 +272,10 @@ def total_loss(
         total = total + config.road * road
     dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
     accumulated = dense_loss(dense_m, accumulated_m, max_depth_m, config, ranks)
-    single = accumulated if single_m is None else dense_loss(dense_m, single_m, max_depth_m, config, ranks)
+    single = accumulated
+    # Whether a part of a batch has a single scan's truth differs, but all processes must sum up as often as the others.
+    if single_m is not None or ranks.size > 1:
+        single = dense_loss(dense_m, accumulated_m if single_m is None else single_m, max_depth_m, config, ranks)
     confidence = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config, ranks)
     total = total + config.accumulated * accumulated + config.single * single + config.confidence * confidence
     if config.log_depth > 0:

@@ -28,6 +28,7 @@ class RunPlan:
         cache: Folder of prepared samples.
         ground_truth: As in `DriveSettings`.
         init: Weights to start from: a network's name, or a file; random where there are none.
+        ground_truth: Which one is taken of the bags, see `DriveSettings`.
     """
 
     network: str

@@ -125,7 +125,8 @@ def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> 
 def test_a_part_that_a_network_does_not_have_is_refused(tmp_path: Path, data: TrainingData) -> None:
     config = dataclasses.replace(CONFIG, stages=(StageConfig(1.0, ((64, 64),), 1, ("fusing",)),))
     with pytest.raises(
-        TrainingError, match=r"trains 'fusing', which is no part of baff; its parts are context, encoder, association, road, fu"
+        TrainingError,
+        match=r"trains 'fusing', which is no part of baff; its parts are context, encoder, association, road, fu",
     ):
         run(data, tmp_path / "run", config, network="baff")
 

@@ -89,7 +89,7 @@ def test_weights_alone_bring_the_recipe_of_fine_tuning(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(rehearsal, "_simulate", lambda mapping, seed, frames, out: out.write_bytes(b"made up"))
-    monkeypatch.setattr(cache, "read_samples", lambda path, settings: frames(1, 2))
+    monkeypatch.setattr(cache, "read_samples", lambda path, *settings: frames(1, 2))
     run, bags = tmp_path / "run", make_bags(1)
     invoke("--bags", *bags, "--init", "baff", "--out", run, "--processes", 1, "--iterations", 1)
     assert RunPlan.read(run).config.rehearsal.share == FINE_TUNING.rehearsal.share
