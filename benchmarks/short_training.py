@@ -80,7 +80,7 @@ class Budget:
             "seed": seed,
             "iterations": self.iterations,
             "checkpoint_every_minutes": 2.0,
-            "stages": [{"share": 1.0, "height": self.crop[0], "width": self.crop[1], "batch": self.batch}],
+            "stages": [{"share": 1.0, "crops": [list(self.crop)], "batch": self.batch}],
             # The averaged weights must have forgotten the first ones by the end.
             "optimiser": {
                 "warm_up_iterations": min(100, self.iterations // 10),

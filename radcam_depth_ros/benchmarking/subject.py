@@ -220,4 +220,4 @@ class NetworkInputs:
         least = torch.tensor([0.0, 0.0, 3.0, -10.0, -10.0, 0.0])
         radar = torch.rand(size.points, 6, generator=generator) * extent + least
         slope = 1.0 / (focal_length_px * CAMERA_HEIGHT_M)
-        return cls(image, radar, torch.tensor([0.0, slope, -slope * horizon]))
+        return cls(image, radar, torch.tensor([0.0, slope, -slope * horizon, 1.0]))

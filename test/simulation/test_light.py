@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
-from radcam_depth_ros.simulation import CameraConfig, TimeOfDay, Weather, WorldConfig
+from radcam_depth_ros.simulation import (
+    CameraConfig,
+    ImagingRadarConfig,
+    LidarConfig,
+    RadarConfig,
+    TimeOfDay,
+    Weather,
+    WorldConfig,
+)
 from radcam_depth_ros.simulation.lamps import Lamps, shining_lamps
 from radcam_depth_ros.simulation.lens import Lens
 from radcam_depth_ros.simulation.light import Light, draw_light
@@ -23,6 +31,8 @@ TIMES = [time for time in TimeOfDay if time is not TimeOfDay.ANY]
 CAMERA = CameraModel(80, 48, 63.0, 63.0, 39.5, 23.5)
 # Looks along the world's x axis, 1.5 m above the ground.
 AHEAD = RigidTransform(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.array([0.0, 0.0, 1.5]))
+
+SENSORS = (RadarConfig(), ImagingRadarConfig(), LidarConfig())
 
 
 def light_of(seed: int, weather: Weather = Weather.ANY, time: TimeOfDay = TimeOfDay.ANY, odd: float = 0.0) -> Light:
@@ -134,9 +144,9 @@ def test_any_lens_gives_a_picture(seed: int, rain: float, odd: bool) -> None:
 
 def test_each_seed_draws_a_size_between_the_least_and_the_most() -> None:
     config = CameraConfig(width=1000, height=500, min_width=500, min_height=200)
-    cameras = [draw_rig(seed, config).camera for seed in range(60)]
+    cameras = [draw_rig(seed, config, *SENSORS).camera for seed in range(60)]
     assert min(camera.width for camera in cameras) < 560
     assert max(camera.width for camera in cameras) > 940
     assert all(500 <= camera.width <= 1000 and 200 <= camera.height <= 500 for camera in cameras)
     assert {camera.fx for camera in cameras} == {630.0}
-    assert {draw_rig(seed, CameraConfig()).camera.width for seed in range(5)} == {800}
+    assert {draw_rig(seed, CameraConfig(), *SENSORS).camera.width for seed in range(5)} == {800}

@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcam_depth_ros.simulation import CameraConfig, StreetKind, WorldConfig
+from radcam_depth_ros.simulation import (
+    CameraConfig,
+    ImagingRadarConfig,
+    LidarConfig,
+    RadarConfig,
+    StreetKind,
+    WorldConfig,
+)
 from radcam_depth_ros.simulation.ego import EgoDrive
 from radcam_depth_ros.simulation.lens import Lens
 from radcam_depth_ros.simulation.mesh import Mesh, ball, box, join, prism, tube
@@ -23,6 +30,8 @@ from radcam_depth_ros.simulation.world import World
 
 PLAIN = Material(Surface.METAL, Label.POLE)
 SEEDS = st.integers(0, 2**31)
+
+SENSORS = (RadarConfig(), ImagingRadarConfig(), LidarConfig())
 
 
 def is_sound(mesh: Mesh) -> bool:
@@ -108,8 +117,8 @@ def test_the_own_velocity_is_the_change_of_its_pose(seed: int, time: float) -> N
 
 
 def test_a_mounting_does_not_depend_on_the_image() -> None:
-    small = draw_rig(4, CameraConfig(width=160, height=96))
-    large = draw_rig(4, CameraConfig(min_focal_length_px=900, max_focal_length_px=1800))
+    small = draw_rig(4, CameraConfig(width=160, height=96), *SENSORS)
+    large = draw_rig(4, CameraConfig(min_focal_length_px=900, max_focal_length_px=1800), *SENSORS)
     for frame, pose in small.base_from_sensor.items():
         assert np.allclose(pose.translation, large.base_from_sensor[frame].translation)
     assert 900 <= large.camera.fx <= 1800
