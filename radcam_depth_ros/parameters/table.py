@@ -45,7 +45,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         "camera_height_m",
         "pipeline.camera_height_m",
-        "Height of the camera above the road (m), in place of footprint_frame; 0 where unknown.",
+        "Height of the camera above the road (m), in place of footprint_frame; 0 where unknown: 1.4 m is then assumed.",
         0.0,
         20.0,
     ),
