@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from threading import Event
 from types import FrameType
@@ -16,9 +17,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
+    from radcam_depth_ros.training.cache import CacheSettings
     from radcam_depth_ros.training.fit import FitResult, TrainingData
     from radcam_depth_ros.training.observer import StepReport, ValidationReport
     from radcam_depth_ros.training.plan import RunPlan
+    from radcam_depth_ros.training.samples import CachedDrive
     from radcam_depth_ros.training.validation import ValidationResult
 
 STOPPED = 130
@@ -213,7 +216,7 @@ def _new_plan(
 def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
     from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.networks import registry
-    from radcam_depth_ros.training.cache import CacheSettings
+    from radcam_depth_ros.training.cache import CacheSettings, cached_drives
     from radcam_depth_ros.training.data import load_data, with_rehearsal
     from radcam_depth_ros.training.rehearsal import rehearsal_drives
 
@@ -236,15 +239,16 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
     def on_bag(bag: Path) -> None:
         progress.update(task, advance=1, status=bag.name)
 
-    hold_out = recipe.validation.hold_out
-    on_note = progress.console.print
-    data = load_data(bags, validation_bags, hold_out, cache, settings, processes, on_bag, on_note)
+    def prepare(bags: Sequence[Path], settings: CacheSettings) -> Sequence[CachedDrive]:
+        return cached_drives(bags, cache, settings, processes, on_bag, progress.console.print)
+
+    data = load_data(bags, validation_bags, recipe.validation.hold_out, partial(prepare, settings=settings))
     if plan.init is not None:
         data = replace(data, description=f"{data.description}, from the weights of {Path(plan.init).stem}")
     if rehearsal_bags:
         # Rehearsed drives bring the truth that they have, whatever the new ones are asked for.
         settings = replace(settings, drive=replace(drive, ground_truth="any"))
-        data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, cache, settings, processes, on_bag, on_note)
+        data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, partial(prepare, settings=settings))
     return data
 
 

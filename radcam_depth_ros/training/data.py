@@ -8,13 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from radcam_depth_ros.training.batches import SampleSet
-from radcam_depth_ros.training.cache import CacheSettings, cached_drives
 from radcam_depth_ros.training.fit import TrainingData
 from radcam_depth_ros.training.rehearsal import RehearsalConfig
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.samples import CachedDrive, TrainingError
 
 FIRST_TEST_SEED = 1_000_000
 """Simulated drives from this seed on are for measuring; nothing is ever trained or chosen on them."""
+
+Prepare = Callable[[Sequence[Path]], Sequence[CachedDrive]]
+"""Makes samples of bags, `cache.cached_drives` with its settings."""
 
 _BAG_SUFFIXES = (".mcap", ".db3")
 
@@ -58,24 +60,16 @@ def load_data(
     bags: Sequence[Path],
     validation_bags: Sequence[Path],
     hold_out: float,
-    cache: Path,
-    settings: CacheSettings,
-    processes: int = 1,
-    on_bag: Callable[[Path], None] = lambda bag: None,
-    on_note: Callable[[str], None] = lambda note: None,
+    prepare: Prepare,
 ) -> TrainingData:
-    """Samples to train and to validate on, cached where they are not yet.
+    """Samples to train and to validate on.
 
     Args:
         bags: To train on.
         validation_bags: To validate on; when there are none, every so many of `bags` are held out, or the last frames
             of a single one.
         hold_out: Share that is held out.
-        cache: Folder of the caches.
-        settings: What samples are made with.
-        processes: Bags that are read at once.
-        on_bag: Called after each bag that is ready.
-        on_note: Told what the bags lack but can be done without.
+        prepare: Makes their samples.
 
     Raises:
         TrainingError: when a bag is in both, is a test drive, or has no ground truth.
@@ -89,7 +83,7 @@ def load_data(
         every = max(2, round(1 / hold_out))
         validation_bags = bags[every // 2 :: every] or bags[-1:]
         bags = [bag for bag in bags if bag not in validation_bags]
-    drives = cached_drives([*bags, *validation_bags], cache, settings, processes, on_bag, on_note)
+    drives = prepare([*bags, *validation_bags])
     train = SampleSet.of(drives[: len(bags)])
     if validation_bags:
         validation = SampleSet.of(drives[len(bags) :])
@@ -104,11 +98,7 @@ def with_rehearsal(
     data: TrainingData,
     bags: Sequence[Path],
     config: RehearsalConfig,
-    cache: Path,
-    settings: CacheSettings,
-    processes: int = 1,
-    on_bag: Callable[[Path], None] = lambda bag: None,
-    on_note: Callable[[str], None] = lambda note: None,
+    prepare: Prepare,
 ) -> TrainingData:
     """The same data with bags to rehearse, of which the last are held out to see what is forgotten.
 
@@ -116,14 +106,10 @@ def with_rehearsal(
         data: To train on besides.
         bags: To rehearse.
         config: How much is held out.
-        cache: As in `load_data`, and so are the others.
-        settings: See `cache`.
-        processes: See `cache`.
-        on_bag: See `cache`.
-        on_note: See `cache`.
+        prepare: Makes their samples.
     """
     refuse_test_drives(bags)
-    drives = cached_drives(bags, cache, settings, processes, on_bag, on_note)
+    drives = prepare(bags)
     if len(drives) > 1:
         last = max(1, round(config.hold_out * len(drives)))
         train, validation = SampleSet.of(drives[:-last]), SampleSet.of(drives[-last:])

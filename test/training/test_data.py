@@ -1,15 +1,22 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from radcam_depth_ros.training.cache import CacheSettings
+from radcam_depth_ros.training.cache import CacheSettings, cached_drives
 from radcam_depth_ros.training.data import find_bags, load_data, refuse_test_drives
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.samples import CachedDrive, TrainingError
 
 SETTINGS = CacheSettings(630.0, 100.0)
+Prepare = Callable[[Sequence[Path]], Sequence[CachedDrive]]
+
+
+@pytest.fixture
+def prepare(tmp_path: Path) -> Prepare:
+    return partial(cached_drives, folder=tmp_path / "cache", settings=SETTINGS)
 
 
 def test_bags_are_found_in_folders_and_named_once(tmp_path: Path) -> None:
@@ -36,7 +43,9 @@ def test_drives_for_measuring_are_refused() -> None:
 
 def test_some_bags_are_held_out(tmp_path: Path, make_bags: Callable[[int], list[Path]]) -> None:
     ready: list[Path] = []
-    data = load_data(make_bags(5), [], 0.2, tmp_path / "cache", SETTINGS, on_bag=ready.append)
+    data = load_data(
+        make_bags(5), [], 0.2, partial(cached_drives, folder=tmp_path / "cache", settings=SETTINGS, on_bag=ready.append)
+    )
     assert (len(data.train), len(data.validation)) == (24, 6)
     assert {drive.card.source for drive in data.train.drives}.isdisjoint(
         drive.card.source for drive in data.validation.drives
@@ -45,14 +54,14 @@ def test_some_bags_are_held_out(tmp_path: Path, make_bags: Callable[[int], list[
     assert "24 frames of 4 bags" in data.description
 
 
-def test_of_a_single_bag_the_last_frames_are_held_out(tmp_path: Path, make_bags: Callable[[int], list[Path]]) -> None:
-    data = load_data(make_bags(1), [], 0.2, tmp_path / "cache", SETTINGS)
+def test_of_a_single_bag_the_last_frames_are_held_out(prepare: Prepare, make_bags: Callable[[int], list[Path]]) -> None:
+    data = load_data(make_bags(1), [], 0.2, prepare)
     assert (len(data.train), len(data.validation)) == (5, 1)
 
 
-def test_a_bag_cannot_both_teach_and_judge(tmp_path: Path, make_bags: Callable[[int], list[Path]]) -> None:
+def test_a_bag_cannot_both_teach_and_judge(prepare: Prepare, make_bags: Callable[[int], list[Path]]) -> None:
     bags = make_bags(2)
     with pytest.raises(TrainingError, match="among the training and the validation bags"):
-        load_data(bags, bags[:1], 0.1, tmp_path / "cache", SETTINGS)
-    data = load_data(bags[:1], bags[1:], 0.1, tmp_path / "cache", SETTINGS)
+        load_data(bags, bags[:1], 0.1, prepare)
+    data = load_data(bags[:1], bags[1:], 0.1, prepare)
     assert (len(data.train), len(data.validation)) == (6, 6)
