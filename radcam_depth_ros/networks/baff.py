@@ -266,7 +266,7 @@ class Baff(Network):
         likely = torch.where(probability > 0.5, found, torch.zeros_like(found))
         known = torch.cat([likely, probability, geometry.drawn], dim=1)
         suggested = torch.cat([geometry.nearest, geometry.layers, found], dim=1)
-        choice = self.fusion(maps, features, known, road, suggested)
+        choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
         plane, confidence_logit = choice.plane, choice.confidence_logit
         size = (rows * self.stride, columns * self.stride)
         if self.detail < self.stride:

@@ -8,8 +8,9 @@ from torch import Tensor, nn
 
 from radcam_depth_ros.networks.blocks import ConvBlock, PlanarConv, Projection
 from radcam_depth_ros.networks.fusion import BidirectionalFusion, Gates, Refinement
+from radcam_depth_ros.networks.rasterise import peak, support
 
-CANDIDATES = 7
+CANDIDATES = 8
 """Depths that the head chooses between, see `QuarterFusion.candidates`."""
 
 FAVOURED = 4.0
@@ -23,7 +24,7 @@ class Choice(NamedTuple):
     confidence_logit: (B, 1, h detail, w detail).
     logits: (B, CANDIDATES, detail detail, h, w), of the candidates.
     parts: (B, 3, detail detail, h, w), planes of the candidates that differ between the parts of a pixel.
-    others: (B, 4, h, w), planes of the others.
+    others: (B, 5, h, w), planes of the others.
     """
 
     plane: Tensor
@@ -88,7 +89,7 @@ class QuarterFusion(nn.Module):
         super().__init__()
         self.detail = detail
         # Deviation: the paper's depth branch sees the semi-dense depth alone. A return that won no pixel is lost to it.
-        self.depth_encoder = DepthEncoder(2 + CANDIDATES + 2, channels)
+        self.depth_encoder = DepthEncoder(4 + 2 * CANDIDATES, channels)
         # Deviation: what stage 1 learned of the image is used again. 0 at first, so that training starts as without.
         self.shared = Projection(features, channels[0])
         nn.init.zeros_(self.shared.get_parameter("1.weight"))
@@ -100,7 +101,15 @@ class QuarterFusion(nn.Module):
         bias[2] = FAVOURED
         self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), PlanarConv(channels[0], bias.flatten()))
 
-    def forward(self, maps: list[Tensor], features: Tensor, planes: Tensor, road: Tensor, suggested: Tensor) -> Choice:
+    def forward(
+        self,
+        maps: list[Tensor],
+        features: Tensor,
+        planes: Tensor,
+        road: Tensor,
+        suggested: Tensor,
+        profile: Tensor,
+    ) -> Choice:
         """Chooses the depth of each part of a pixel.
 
         Args:
@@ -109,9 +118,13 @@ class QuarterFusion(nn.Module):
             planes: (B, 4, h, w): semi-dense depth, its probability, returns where they are, whether there is one.
             road: (B, 1, h detail, w detail) the flat road's plane.
             suggested: (B, 5, h, w) planes: the nearest return, quantiles of the returns around, stage 1's return.
+            profile: (B, bins, w) returns by depth, as `rasterise.Geometry`.
         """
-        parts, others = self.candidates(road, suggested)
-        depth_maps = self.depth_encoder(torch.cat([planes, parts.mean(dim=2), others], dim=1).to(features.dtype))
+        most = peak(profile).expand(-1, -1, suggested.shape[2], -1)
+        parts, others = self.candidates(road, torch.cat([suggested, most], dim=1))
+        known = torch.cat([parts.mean(dim=2), others], dim=1)
+        evidence = support(profile, known)
+        depth_maps = self.depth_encoder(torch.cat([planes, known, evidence], dim=1).to(features.dtype))
         image_maps = [maps[0] + self.shared(features), maps[1], maps[2], maps[3]]
         fused = self.gates(image_maps, depth_maps)
         # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.
@@ -132,7 +145,7 @@ class QuarterFusion(nn.Module):
         """What the head chooses between, as `Choice` has it; arguments as in `forward`.
 
         The middle quantile of the returns around or the road where that is nearer, the road, the nearest return or the
-        road; the quantiles, stage 1's return.
+        road; the quantiles, stage 1's return, the depth of most returns of the column.
         """
         batch, rows, columns = suggested.shape[0], suggested.shape[2], suggested.shape[3]
         parts = self.detail * self.detail

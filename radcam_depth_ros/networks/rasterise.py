@@ -24,6 +24,13 @@ SHARES = (0.5, 0.1, 0.9)
 """Which weighted quantiles of the returns around a pixel are given as `Geometry.layers`."""
 
 
+STRIP_PX = 16
+"""Width of the strips of the image that have a profile each."""
+
+BINS = 48
+"""Bins of a profile, evenly over the logarithm of depth: each is a tenth of the depth."""
+
+
 class Geometry(NamedTuple):
     """Planes at a quarter of the image's size, float32; depths as `depth_to_plane`.
 
@@ -32,12 +39,14 @@ class Geometry(NamedTuple):
     nearest: (B, 1, h, w): the nearest return alone.
     layers: (B, 3, h, w): quantiles `SHARES` of the returns around a pixel.
     drawn: (B, 2, h, w): the returns where they are, 0 elsewhere, and whether there is one.
+    profile: (B, BINS, w): how many returns are at a depth around a column, whatever their row.
     """
 
     prior: Tensor
     nearest: Tensor
     layers: Tensor
     drawn: Tensor
+    profile: Tensor
 
 
 class Rasterise(nn.Module):
@@ -55,6 +64,8 @@ class Rasterise(nn.Module):
     stride: Final[int] = STRIDE
     cell: Final[int] = CELL_PX // STRIDE
     shares: Final[tuple[float, float, float]] = SHARES
+    strip_px: Final[int] = STRIP_PX
+    bins: Final[int] = BINS
 
     def __init__(
         self, min_depth_m: float, max_depth_m: float, ground_prior: bool, considered: int, detail: int
@@ -81,7 +92,30 @@ class Rasterise(nn.Module):
         drawn = draw_nearest(radar, valid, height, width, self.stride)
         hit = drawn > 0
         drawn = torch.cat([torch.where(hit, self.plane(drawn), torch.zeros_like(drawn)), hit.float()], dim=1)
-        return Geometry(prior, nearest, self.plane(layers), drawn)
+        profile = self._profile(radar.float(), valid, width)
+        return Geometry(prior, nearest, self.plane(layers), drawn, profile)
+
+    def _profile(self, radar: Tensor, valid: Tensor, width: int) -> Tensor:
+        """Counts of returns by strip of the image and depth, as `Geometry.profile` has them.
+
+        What a radar measures well is range and azimuth; its elevation is off by metres or not measured at all. So a bus
+        is a heap of returns at one depth, in its columns but in any row.
+        """
+        strips = width // self.strip_px
+        place = depth_to_plane(radar[:, :, 2], self.min_depth_m, self.max_depth_m) * (self.bins - 1)
+        lower = torch.floor(place).clamp(0, self.bins - 2)
+        share = (place - lower).clamp(0.0, 1.0)
+        strip = torch.floor((radar[:, :, 0] + 0.5) / self.strip_px)
+        inside = valid & (strip >= 0) & (strip < strips)
+        first = torch.where(inside, strip * self.bins + lower, torch.zeros_like(strip)).long()
+        weight = inside.float()
+        counts = torch.zeros(radar.shape[0], strips * self.bins, device=radar.device)
+        counts = counts.scatter_add(1, first, weight * (1.0 - share)).scatter_add(1, first + 1, weight * share)
+        counts = counts.reshape(-1, strips, self.bins).transpose(1, 2)
+        # Strips beside count half: an edge of a strip is no edge of a thing.
+        beside = functional.pad(counts, (1, 1))
+        counts = counts + 0.5 * (beside[:, :, :-2] + beside[:, :, 2:])
+        return counts.repeat_interleave(self.strip_px // self.stride, dim=2)
 
     @torch.jit.export
     def road(self, ground: Tensor, height: int, width: int) -> Tensor:
@@ -153,6 +187,34 @@ class Rasterise(nn.Module):
         depths = torch.cat([depths, distance.unsqueeze(1)], dim=1)
         depths = from_cells(depths, rows, columns, self.cell)
         return depths[:, :1], depths[:, -1:], depths[:, 1:-1]
+
+
+def support(profile: Tensor, planes: Tensor) -> Tensor:
+    """How many returns of its columns are at the depth of a pixel, log(1 + n).
+
+    Args:
+        profile: (B, bins, w), as `Geometry.profile`.
+        planes: (B, K, h, w), 0 to 1.
+
+    Returns:
+        (B, K, h, w).
+    """
+    bins, rows = profile.shape[1], planes.shape[1] * planes.shape[2]
+    place = planes.reshape(planes.shape[0], rows, planes.shape[3]).clamp(0.0, 1.0) * (bins - 1)
+    lower = torch.floor(place).clamp(max=bins - 2)
+    share = place - lower
+    index = lower.long()
+    counts = torch.gather(profile, 1, index) * (1.0 - share) + torch.gather(profile, 1, index + 1) * share
+    return torch.log1p(counts).reshape(planes.shape)
+
+
+def peak(profile: Tensor) -> Tensor:
+    """The depth at which most returns of a column are, as a plane (B, 1, 1, w); 1, the farthest, for no return."""
+    bins = profile.shape[1]
+    most, index = (profile[:, 1:-1] + 0.5 * (profile[:, :-2] + profile[:, 2:])).max(dim=1, keepdim=True)
+    around = [torch.gather(profile, 1, index + step) for step in range(3)]
+    mean = index + (around[1] + 2.0 * around[2]) / (around[0] + around[1] + around[2]).clamp(min=1e-6)
+    return torch.where(most > 0, mean / (bins - 1), torch.ones_like(mean)).unsqueeze(1)
 
 
 def depth_to_plane(depth_m: Tensor, min_depth_m: float, max_depth_m: float) -> Tensor:
