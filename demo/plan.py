@@ -63,6 +63,8 @@ def plan_drive(bag: Path, model: Path | None = None) -> Plan:
         if model is not None:
             parameters["model_file"] = str(model.resolve())
         parameters.update(_topic_parameters(sensors, played))
+        # A best-effort reader, the node's default, loses what comes before it knows the player, which knows it already.
+        parameters.update({f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in played})
         parameters.update(_extrinsics(reader, sensors, transforms))
         images = reader.count([sensors.image])
     compressed = f"{parameters['image_topic']}/compressed"

@@ -116,16 +116,16 @@ def _events(drive: LidarDrive, loop: int) -> list[tuple[int, str, object]]:
                 "/lidar/points",
                 time_s + 0.02,
                 drive.lidar_clock_s,
-                lambda stamp, cloud=cloud: encode_points(factory, cloud, stamp, drive.lidar_frame),  # type: ignore[misc]
+                lambda stamp, cloud=cloud: encode_points(factory, cloud, stamp, drive.lidar_frame),  # type: ignore[misc]  # a default is no type
             )
     for index in range(-1, drive.frames * 5 + 2):
         time_s = index / 50
         place = RigidTransform(np.eye(3), np.array([1e5 + SPEED_MPS * time_s, 2e5, 0.0]))
         if drive.odometry:
             reading = OdometryReading(0, "odom", "base", place, np.zeros(3), np.zeros(3))
-            add("/odom", time_s, 0, lambda stamp, reading=reading: _odometry(reading, stamp))  # type: ignore[misc]
+            add("/odom", time_s, 0, lambda stamp, reading=reading: _odometry(reading, stamp))  # type: ignore[misc]  # a default is no type
         if drive.tf:
-            add("/tf", time_s, 0, lambda stamp, place=place: _links(place, stamp))  # type: ignore[misc]
+            add("/tf", time_s, 0, lambda stamp, place=place: _links(place, stamp))  # type: ignore[misc]  # a default is no type
     return events
 
 

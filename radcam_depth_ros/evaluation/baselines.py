@@ -17,11 +17,9 @@ import dataclasses
 import cv2
 import numpy as np
 
-from radcam_depth_ros.frame import CameraModel, FloatArray, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FloatArray, Frame, GroundPlane, RadarReturns
 from radcam_depth_ros.geometry import depth_image, ground_coefficients
 
-ASSUMED_HEIGHT_M = 1.4
-"""Height of a camera of which nothing is known."""
 BASELINES = ("ground_nearest", "camera_only", "radar_interpolation")
 FARTHEST_M = 100.0
 """What the sky and the road beyond are given: the far end of the networks' depth range."""

@@ -13,12 +13,10 @@ from radcam_depth_ros.simulation.configuration import (
 from radcam_depth_ros.simulation.errors import SimulationError
 from radcam_depth_ros.simulation.recording import simulate
 from radcam_depth_ros.simulation.sensor_configuration import ImagingRadarConfig, LidarConfig, LidarUnit, RadarConfig
-from radcam_depth_ros.simulation.surfaces import GROUPS, Group, Label
+from radcam_depth_ros.simulation.surfaces import Label
 
 __all__ = [
-    "GROUPS",
     "CameraConfig",
-    "Group",
     "ImagingRadarConfig",
     "Label",
     "LidarConfig",

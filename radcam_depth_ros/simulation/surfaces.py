@@ -35,29 +35,6 @@ class Label(IntEnum):
     IGNORE = 255
 
 
-class Group(IntEnum):
-    """The three groups of classes that depth is measured on separately."""
-
-    SKY = 0
-    BACKGROUND = 1
-    ROAD_USERS = 2
-
-
-GROUPS: dict[Group, tuple[Label, ...]] = {
-    Group.SKY: (Label.SKY,),
-    Group.BACKGROUND: (
-        *(Label.BUILDING, Label.WALL, Label.FENCE, Label.POLE, Label.TRAFFIC_LIGHT, Label.TRAFFIC_SIGN),
-        *(Label.VEGETATION, Label.TERRAIN),
-    ),
-    Group.ROAD_USERS: (
-        *(Label.ROAD, Label.SIDEWALK, Label.PERSON, Label.RIDER, Label.CAR, Label.TRUCK, Label.BUS, Label.TRAIN),
-        *(Label.MOTORCYCLE, Label.BICYCLE),
-    ),
-}
-"""The classes of each group: the sky; what stands and grows beside the road; the road, people and vehicles. IGNORE,
-what has no class of its own (animals, bins, building sites), is in none."""
-
-
 class Surface(IntEnum):
     """Kinds of surface; the row of each in the tables below."""
 

@@ -171,7 +171,8 @@ def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = A
         classes: (B, H, W) uint8, 255 unknown.
         ranks: As in `association_loss`.
     """
-    truth, label = _at(truth_m, road_m.shape[2]), _at(classes.unsqueeze(1), road_m.shape[2])
+    truth, stride = _at(truth_m, road_m.shape[2]), truth_m.shape[2] // road_m.shape[2]
+    label = classes[:, None, stride // 2 :: stride, stride // 2 :: stride]
     ground = torch.zeros_like(label, dtype=torch.bool)
     for number in GROUND_CLASSES:
         ground |= label == number

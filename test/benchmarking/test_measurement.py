@@ -199,7 +199,7 @@ def test_inputs_are_always_the_same() -> None:
         assert torch.equal(value, other)
     image, radar, ground = first
     assert (image.shape, image.dtype) == ((32, 64, 3), torch.uint8)
-    assert (radar.shape, ground.shape) == ((5, 6), (3,))
+    assert (radar.shape, ground.shape) == ((5, 6), (4,))
 
 
 @pytest.mark.parametrize(

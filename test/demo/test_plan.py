@@ -25,6 +25,8 @@ def test_the_node_is_set_for_the_bag(write_drive: Callable[..., Path], tmp_path:
     assert parameters["camera_info_topic"] == "/camera/camera_info"
     assert parameters["radar_topics"] == ["/radar/points"]
     assert parameters["use_sim_time"] is True
+    for topic in plan.played:
+        assert parameters[f"qos_overrides.{topic}.subscription.reliability"] == "reliable"
     extrinsics = RigidTransform.from_quaternion(
         parameters["camera_from_radar"][:3], parameters["camera_from_radar"][3:]
     )

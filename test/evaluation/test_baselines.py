@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from radcam_depth_ros.drive import read_samples
 from radcam_depth_ros.evaluation.baselines import (
-    ASSUMED_HEIGHT_M,
     FARTHEST_M,
     flat_road,
     ground_nearest,
@@ -21,7 +20,7 @@ from radcam_depth_ros.evaluation.baselines import (
     without_radar,
 )
 from radcam_depth_ros.evaluation.metrics import DepthAccumulator, DepthRange
-from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, Frame, GroundPlane, RadarReturns
 from radcam_depth_ros.geometry import unproject
 
 CAMERA = CameraModel(80, 60, 60.0, 60.0, 39.5, 29.5)

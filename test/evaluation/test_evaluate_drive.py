@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.drive import Sample
-from radcam_depth_ros.evaluation.baselines import ASSUMED_HEIGHT_M
 from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, evaluate_drive, evaluate_drives, resize_result
 from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
 from radcam_depth_ros.evaluation.plots import plots_of
 from radcam_depth_ros.evaluation.summary import Latency
 from radcam_depth_ros.evaluation.tables import Table, facts_of, tables_of
-from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, DepthResult, Frame, GroundPlane, RadarReturns
 
 CAMERA = CameraModel(64, 48, 50.0, 50.0, 31.5, 23.5)
 

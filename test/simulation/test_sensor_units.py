@@ -65,4 +65,4 @@ def test_any_lidar_is_one_of_several() -> None:
 def test_every_unit_is_drawn_from_frozen_values() -> None:
     unit = draw_radar(RadarConfig(), np.random.default_rng(0))
     with pytest.raises(dataclasses.FrozenInstanceError):
-        unit.max_points = 1  # type: ignore[misc]
+        unit.max_points = 1  # type: ignore[misc]  # frozen, as is tested

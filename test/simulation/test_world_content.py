@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcam_depth_ros.simulation import GROUPS, Label, StreetKind, WorldConfig
+from radcam_depth_ros.simulation import Label, StreetKind, WorldConfig
 from radcam_depth_ros.simulation.animals import AnimalKind, build_animal
 from radcam_depth_ros.simulation.bicycles import build_motorcycle
 from radcam_depth_ros.simulation.disguise import Disguise
@@ -56,11 +56,6 @@ def test_nothing_drives_through_the_own_vehicle(street: StreetKind, seed: int) -
         corners = (scene.faces.corners[moving].reshape(-1, 3) - pose.translation) @ pose.rotation
         low, high = np.array([-2.0, -0.7, 0.2]), np.array([2.3, 0.7, 1.6])
         assert not ((corners > low) & (corners < high)).all(axis=1).any()
-
-
-def test_every_class_belongs_to_one_group() -> None:
-    grouped = [label for labels in GROUPS.values() for label in labels]
-    assert sorted(grouped) == sorted(set(Label) - {Label.IGNORE})
 
 
 @settings(max_examples=25, deadline=None)
