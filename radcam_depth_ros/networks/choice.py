@@ -13,6 +13,12 @@ from radcam_depth_ros.networks.rasterise import peak, support
 CANDIDATES = 8
 """Depths that the head chooses between, see `QuarterFusion.candidates`."""
 
+BINS = 10
+"""Depths besides that are the same for every image: what neither road nor radar tells, a picture alone may."""
+
+NEAREST_BIN, FARTHEST_BIN = 0.3, 0.95
+"""Planes of the first and the last of them: 4 and 79 m where depths reach from 1 to 100 m. Each is 1.4 times the last."""
+
 FAVOURED = 4.0
 """Logit of the first candidate before training: it then weighs as much as fifty others."""
 
@@ -22,9 +28,9 @@ class Choice(NamedTuple):
 
     plane: (B, 1, h detail, w detail), the dense depth.
     confidence_logit: (B, 1, h detail, w detail).
-    logits: (B, CANDIDATES, detail detail, h, w), of the candidates.
+    logits: (B, CANDIDATES + BINS, detail detail, h, w), of the candidates and the bins.
     parts: (B, 3, detail detail, h, w), planes of the candidates that differ between the parts of a pixel.
-    others: (B, 5, h, w), planes of the others.
+    others: (B, 5 + BINS, h, w), planes of the others, and the bins.
     """
 
     plane: Tensor
@@ -99,7 +105,10 @@ class QuarterFusion(nn.Module):
         # Training starts from the first candidate.
         bias = torch.zeros(2 + CANDIDATES, detail * detail)
         bias[2] = FAVOURED
-        self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), PlanarConv(channels[0], bias.flatten()))
+        # One weight of a bin for all parts of a pixel.
+        bias = torch.cat([bias.flatten(), torch.zeros(BINS)])
+        self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), PlanarConv(channels[0], bias))
+        self.register_buffer("bins", torch.linspace(NEAREST_BIN, FARTHEST_BIN, BINS), persistent=False)
 
     def forward(
         self,
@@ -130,14 +139,17 @@ class QuarterFusion(nn.Module):
         # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.
         raw = self.head(self.refinement(self.bidirectional(fused))).float()
         batch, rows, columns = raw.shape[0], raw.shape[2], raw.shape[3]
-        raw = raw.reshape(batch, -1, self.detail * self.detail, rows, columns)
-        logits = raw[:, 2:]
+        bins = self.bins.reshape(1, -1, 1, 1).expand(batch, -1, rows, columns)
+        of_bins = raw[:, raw.shape[1] - bins.shape[1] :].unsqueeze(2).expand(-1, -1, self.detail * self.detail, -1, -1)
+        raw = raw[:, : raw.shape[1] - bins.shape[1]].reshape(batch, -1, self.detail * self.detail, rows, columns)
+        logits = torch.cat([raw[:, 2:], of_bins], dim=1)
+        others = torch.cat([others, bins], dim=1)
         share = torch.softmax(logits, dim=1)
         plane = raw[:, 0] + (share[:, :3] * parts).sum(dim=1) + (share[:, 3:] * others.unsqueeze(2)).sum(dim=1)
         return Choice(self.spread(plane.clamp(0.0, 1.0).unsqueeze(1)), self.spread(raw[:, 1:2]), logits, parts, others)
 
     def hypotheses(self, choice: Choice) -> tuple[Tensor, Tensor]:
-        """Logits and planes of all candidates, both (B, CANDIDATES, h detail, w detail)."""
+        """Logits and planes of all candidates and bins, both (B, CANDIDATES + BINS, h detail, w detail)."""
         others = choice.others.unsqueeze(2).expand(-1, -1, self.detail * self.detail, -1, -1)
         return self.spread(choice.logits), self.spread(torch.cat([choice.parts, others], dim=1))
 

@@ -17,6 +17,8 @@ from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
 
 _HAZE_NEEDS = 0.8
 """Share of the pixels whose depth must be known for haze: what a LiDAR leaves out would stay clear."""
+_LEAST_SKY = 0.01
+"""Share of the pixels from which on there is a sky to change."""
 _SPECTRUM_SIDE = 32
 """Fourier amplitudes are changed in an image of this size: that is where its low frequencies are."""
 
@@ -31,6 +33,7 @@ class AppearanceConfig:
         recolour_strength: How much of the new colour replaces the old one, at most.
         texture: Of a random smooth texture on whole classes, where there are class images.
         texture_strength: Standard deviation of the logarithm of its brightness, at most.
+        sky: Of another sky, where there is one: often as bright as some surface, since not all that is bright is sky.
         haze: Of haze, where most depths are known.
         haze_visibility_m: Shortest visibility; the longest is ten times that.
         tone_curve: Of a strong curve: flat and grey, dark, or washed out.
@@ -48,6 +51,7 @@ class AppearanceConfig:
     recolour_strength: float = 0.8
     texture: float = 0.0
     texture_strength: float = 0.4
+    sky: float = 0.0
     haze: float = 0.0
     haze_visibility_m: float = 40.0
     tone_curve: float = 0.0
@@ -94,6 +98,8 @@ def restyle(
         image = _recolour(image, classes, config, rng)
     if rng.random() < config.texture:
         image = _texture(image, classes, config, rng)
+    if rng.random() < config.sky:
+        image = _sky(image, depth_m, classes, rng)
     if rng.random() < config.haze:
         image = _haze(image, depth_m, config, rng)
     return image
@@ -161,6 +167,27 @@ def _texture(
     factor = cv2.exp(field * np.take(strength.astype(np.float32), classes))
     textured: ImageArray = np.clip(image * factor[..., None], 0, 255).astype(np.uint8)
     return textured
+
+
+def _sky(
+    image: ImageArray, depth_m: npt.NDArray[np.float16], classes: npt.NDArray[np.uint8], rng: np.random.Generator
+) -> ImageArray:
+    """A cloudy sky with a gradient, as bright as the mean of one of the classes or as any; mixed with the old one."""
+    sky = np.isinf(depth_m)
+    if sky.mean() < _LEAST_SKY:
+        return image
+    height, width = sky.shape
+    known = np.unique(classes[~sky])
+    chosen = ~sky & (classes == rng.choice(known)) if len(known) and rng.random() < 0.6 else None
+    level = rng.uniform(40, 250) if chosen is None else float(image[chosen].mean()) + rng.normal(0, 15)
+    noise = rng.standard_normal((rng.integers(2, 6), rng.integers(2, 12)), np.float32) * np.float32(rng.uniform(0, 20))
+    clouds = cv2.resize(noise, (width, height), interpolation=cv2.INTER_CUBIC)
+    clouds += np.linspace(-0.5, 0.5, height, dtype=np.float32)[:, None] * np.float32(rng.normal(0, 40))
+    colour = (level + rng.normal(0, 8, 3)).astype(np.float32)
+    # Twigs before it stay as they are, but for their edges, of which a part is sky.
+    share = cv2.blur(sky.astype(np.float32), (3, 3))[..., None] * np.float32(rng.uniform(0.5, 1.0))
+    changed: ImageArray = np.clip(image * (1 - share) + (colour + clouds[..., None]) * share, 0, 255).astype(np.uint8)
+    return changed
 
 
 def _haze(

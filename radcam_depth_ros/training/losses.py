@@ -43,6 +43,7 @@ class LossConfig:
         smooth_l1_beta_m: Error from which on the smooth L1 is linear.
         sky: Weight of pixels without any surface or beyond the depth range, which are drawn to the farthest depth,
             relative to the others.
+        sky_margin_px: Sky this near to a surface does not count: between twigs nobody knows, and nobody asks.
         log_depth: Weight of an L1 on the logarithm of depth, which counts a tenth of the distance alike near and far;
             0 is the paper's loss.
         confidence: Weight of the confidence's binary cross entropy.
@@ -61,6 +62,7 @@ class LossConfig:
     single: float = 0.25
     smooth_l1_beta_m: float = 1.0
     sky: float = 0.04
+    sky_margin_px: int = 4
     log_depth: float = 20.0
     confidence: float = 0.1
     confidence_tolerance: float = 0.1
@@ -76,6 +78,7 @@ class LossConfig:
             self.choice,
             self.road,
             self.choice_sky,
+            self.sky_margin_px,
             self.association_tolerance_share,
         )
         if min(weights) < 0:
@@ -202,6 +205,15 @@ def _at(truth_m: Tensor, rows: int) -> Tensor:
     return torch.where(torch.isnan(middle), nearest, middle)
 
 
+def without_narrow_sky(truth_m: Tensor, margin_px: int) -> Tensor:
+    """Ground truth (B, 1, H, W) whose sky within `margin_px` of a surface, along both axes, is unknown (NaN)."""
+    surface = torch.isfinite(truth_m).float()
+    side = 2 * margin_px + 1
+    near = functional.max_pool2d(surface, (1, side), 1, (0, margin_px))
+    near = functional.max_pool2d(near, (side, 1), 1, (margin_px, 0))
+    return torch.where(torch.isinf(truth_m) & (near > 0), torch.nan, truth_m)
+
+
 def dense_loss(
     dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
 ) -> Tensor:
@@ -259,6 +271,8 @@ def total_loss(
         ranks: The processes that share the batch; each gets its part of the losses, whose sum is that of the batch.
     """
     total = accumulated_m.new_zeros(())
+    accumulated_m = without_narrow_sky(accumulated_m, config.sky_margin_px)
+    single_m = None if single_m is None else without_narrow_sky(single_m, config.sky_margin_px)
     association = choice = accumulated = log_depth = road = confidence = total
     if outputs.association is not None:
         association = association_loss(outputs.association, accumulated_m, config, ranks)

@@ -15,6 +15,7 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError, archive
 from radcam_depth_ros.networks.baff import PAPER
+from radcam_depth_ros.networks.choice import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN
 from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.rasterise import Rasterise, depth_to_plane, peak, plane_to_depth, support
 
@@ -141,7 +142,7 @@ def test_training_reaches_every_parameter_with_finite_gradients(form: tuple[str,
     loss = outputs.depths.dense.mean() + association.logits[trained].mean() + outputs.confidence_logit.mean()
     if candidates is not None:
         assert candidates.logits.shape == candidates.depth_m.shape
-        assert candidates.logits.shape[:2] == (2, 7)
+        assert candidates.logits.shape[:2] == (2, CANDIDATES + BINS)
         loss = loss + candidates.logits.mean()
     loss.backward()
     for name, parameter in network.named_parameters():
@@ -344,3 +345,13 @@ def test_the_peak_is_where_most_returns_are() -> None:
     assert found.shape == (1, 1, 1, 24)
     assert float(plane_to_depth(found, 1.0, 100.0)[0, 0, 0, 10]) == pytest.approx(20.2, rel=0.02)
     assert float(plane_to_depth(found, 1.0, 100.0)[0, 0, 0, 20]) == pytest.approx(100.0)
+
+
+def test_depths_that_nothing_suggests_can_be_chosen() -> None:
+    network = networks.create("baff", {"road": False}).eval()
+    image, radar, valid, _ = make_inputs(1, 64, 96, 0)
+    with torch.no_grad():
+        network.get_parameter("fusion.head.1.bias")[-BINS + 4] = 20.0
+        depths = network(image, radar, valid, torch.full((1, 4), float("nan")))
+    expected = plane_to_depth(torch.linspace(NEAREST_BIN, FARTHEST_BIN, BINS)[4], 1.0, 100.0)
+    torch.testing.assert_close(depths.dense, expected.expand_as(depths.dense), rtol=1e-3, atol=0.0)

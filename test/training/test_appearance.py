@@ -10,7 +10,7 @@ from radcam_depth_ros.training.appearance import AppearanceConfig, develop, rest
 from radcam_depth_ros.training.augmentation import AugmentationConfig, augment
 from radcam_depth_ros.training.samples import TrainingError, TrainingSample
 
-SURFACES = ("recolour", "texture", "haze")
+SURFACES = ("recolour", "texture", "sky", "haze")
 PROCESSING = ("tone_curve", "channel_mixing", "spectrum", "equalise", "sharpen", "jpeg")
 ALL = AppearanceConfig(**dict.fromkeys((*SURFACES, *PROCESSING), 1.0))
 SHAPE = (64, 96)
@@ -58,6 +58,22 @@ def test_what_has_no_class_keeps_its_look(effect: str) -> None:
     unknown = CLASSES == 255
     np.testing.assert_array_equal(result[unknown], picture()[unknown])
     assert (result[~unknown] != picture()[~unknown]).any()
+
+
+def test_another_sky_changes_the_sky_alone() -> None:
+    far = np.vstack([np.full((1, SHAPE[1]), True), np.isinf(DEPTH)[:-1]])  # and the row whose pixels are a part of it
+    skies = []
+    for seed in range(12):
+        result = restyle(picture(), DEPTH, CLASSES, AppearanceConfig(sky=1.0), np.random.default_rng(seed))
+        np.testing.assert_array_equal(result[~far], picture()[~far])
+        skies.append(result[:12].mean())
+    assert max(skies) - min(skies) > 80
+
+
+def test_another_sky_needs_one() -> None:
+    depth = np.full(SHAPE, 20, np.float16)
+    result = restyle(picture(), depth, CLASSES, AppearanceConfig(sky=1.0), np.random.default_rng(0))
+    np.testing.assert_array_equal(result, picture())
 
 
 def test_haze_hides_what_is_far() -> None:

@@ -15,6 +15,7 @@ from radcam_depth_ros.training.losses import (
     log_depth_loss,
     road_loss,
     total_loss,
+    without_narrow_sky,
 )
 from radcam_depth_ros.training.samples import TrainingError
 
@@ -106,6 +107,19 @@ def test_dense_loss_is_smooth_l1_and_draws_the_sky_to_the_farthest_depth() -> No
     beyond = ((10.0 - 0.5) + (1.0 - 0.5)) / 2
     loss = dense_loss(dense, truth, 100.0, LossConfig(sky=0.2))
     assert float(loss) == pytest.approx(in_range + 0.2 * beyond, rel=1e-6)
+
+
+def test_sky_beside_a_surface_is_unknown() -> None:
+    truth = torch.full((1, 1, 9, 12), INF)
+    truth[0, 0, 4, 2] = 10.0
+    truth[0, 0, 0, 11] = NAN
+    changed = without_narrow_sky(truth, 2)[0, 0]
+    assert float(changed[4, 2]) == 10.0
+    unknown = torch.isnan(changed)
+    assert unknown[2:7, 0:5].sum() == 24
+    assert int(unknown.sum()) == 25
+    assert torch.isinf(changed[~unknown]).sum() == 9 * 12 - 26
+    torch.testing.assert_close(without_narrow_sky(truth, 0), truth, equal_nan=True)
 
 
 def test_log_depth_loss_counts_a_tenth_alike_near_and_far() -> None:
