@@ -32,6 +32,9 @@ from radcam_depth_ros.networks.regions import RegionAssociation
 from radcam_depth_ros.networks.registry import ArchitectureError, register
 from radcam_depth_ros.networks.road import RoadVotes
 
+AGREEMENT = 0.1
+"""Relative difference of the stages' depths at which the semi-dense depth counts 1 / e as much as without any."""
+
 PAPER: Mapping[str, Any] = MappingProxyType(
     {
         "association": "regions",
@@ -51,7 +54,8 @@ class BaffConfig:
     Attributes:
         association: `embedding` (one decoder pass however many returns) or `regions` (the paper's, one for each).
         fusion: `quarter` (from 1/4 on, choosing between known depths) or `paper` (from 1/2 on, regressing depth).
-        threshold: tau, the confidence from which on a pixel of the semi-dense depth takes its return's depth.
+        threshold: tau, the confidence from which on a pixel of the semi-dense depth takes its return's depth: stage 1's
+            or, of `quarter`, that of both stages.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
@@ -156,6 +160,7 @@ class Baff(Network):
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
+        self.agreement = AGREEMENT
         self.outside = OUTSIDE
         self.detail = config.detail
         points = PointEncoder(config.focal_length_px, config.min_depth_m, config.max_depth_m)
@@ -250,7 +255,7 @@ class Baff(Network):
     ) -> tuple[Depths, Tensor, Choice]:
         """Stage 2 at a quarter: the depths, the confidence's logit at the image's size, and the choice behind them."""
         rows, columns = features.shape[2], features.shape[3]
-        _, semi_dense = self._semi_dense(best, depth)
+        strongest, found_m = best, depth
         # Of regions, which work at the image's size, one pixel stands for its cell: depths are not blended.
         step = best.shape[2] // rows
         best, depth = (
@@ -272,6 +277,7 @@ class Baff(Network):
         if self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")
             confidence_logit = functional.interpolate(confidence_logit, size, mode="bilinear")
+        semi_dense = self._agreed(strongest, found_m, choice)
         semi_dense = functional.interpolate(semi_dense, size, mode="nearest")
         return Depths(self._depth(plane), semi_dense, torch.sigmoid(confidence_logit)), confidence_logit, choice
 
@@ -279,6 +285,19 @@ class Baff(Network):
         """Probability of stage 1's return, and its depth where that passes tau, else NaN."""
         probability = torch.sigmoid(best.detach().float())
         return probability, torch.where(probability > self.threshold, depth, torch.full_like(depth, float("nan")))
+
+    def _agreed(self, best: Tensor, depth: Tensor, choice: Choice) -> Tensor:
+        """The semi-dense depth: stage 1's return where both stages are sure of it and agree; NaN elsewhere.
+
+        Deviation: in the paper stage 1 decides alone. Stage 2 has seen more, and what it says comes for nothing: of as
+        many pixels, the depth is wrong by half as much (docs/decisions.md).
+        """
+        size = (best.shape[2], best.shape[3])
+        dense = functional.interpolate(self._depth(choice.plane.detach()), size, mode="bilinear")
+        confidence = torch.sigmoid(functional.interpolate(choice.confidence_logit.detach(), size, mode="bilinear"))
+        apart = torch.log(depth.clamp(min=self.min_depth_m) / dense).abs()
+        score = torch.sigmoid(best.detach().float()) * confidence * torch.exp(-apart / self.agreement)
+        return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
 
     def _depth(self, plane: Tensor) -> Tensor:
         return plane_to_depth(plane, self.min_depth_m, self.max_depth_m)

@@ -17,7 +17,7 @@ BINS = 10
 """Depths besides that are the same for every image: what neither road nor radar tells, a picture alone may."""
 
 NEAREST_BIN, FARTHEST_BIN = 0.3, 0.95
-"""Planes of the first and the last of them: 4 and 79 m where depths reach from 1 to 100 m. Each is 1.4 times the last."""
+"""Planes of the first and the last of them: 4 and 79 m where depths reach from 1 to 100 m, each 1.4 times the last."""
 
 FAVOURED = 4.0
 """Logit of the first candidate before training: it then weighs as much as fifty others."""

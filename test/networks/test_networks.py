@@ -14,8 +14,8 @@ from torch import Tensor
 from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError, archive
-from radcam_depth_ros.networks.baff import PAPER
-from radcam_depth_ros.networks.choice import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN
+from radcam_depth_ros.networks.baff import PAPER, Baff
+from radcam_depth_ros.networks.choice import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN, Choice
 from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.rasterise import Rasterise, depth_to_plane, peak, plane_to_depth, support
 
@@ -88,7 +88,8 @@ def test_shapes_ranges_and_missing_values(
 
 
 def test_semi_dense_depths_are_those_of_returns_within_their_regions(form: tuple[str, dict[str, object]]) -> None:
-    network = make_network(*form)
+    name, architecture = form
+    network = make_network(name, {**architecture, "threshold": 0.01})
     inputs = make_inputs(1, 64, 512, 6)
     with torch.inference_mode():
         semi_dense = network(*inputs).semi_dense[0, 0]
@@ -355,3 +356,17 @@ def test_depths_that_nothing_suggests_can_be_chosen() -> None:
         depths = network(image, radar, valid, torch.full((1, 4), float("nan")))
     expected = plane_to_depth(torch.linspace(NEAREST_BIN, FARTHEST_BIN, BINS)[4], 1.0, 100.0)
     torch.testing.assert_close(depths.dense, expected.expand_as(depths.dense), rtol=1e-3, atol=0.0)
+
+
+def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
+    network = networks.create("baff", {"threshold": 0.5})
+    assert isinstance(network, Baff)
+    # Pixels: agreed; the stages 20 % apart; stage 1 unsure; stage 2 unsure. A logit of 5 is 0.993.
+    depth = torch.tensor([20.0, 24.0, 20.0, 20.0]).reshape(1, 1, 1, 4)
+    best = torch.tensor([5.0, 5.0, -1.0, 5.0]).reshape(1, 1, 1, 4)
+    plane = depth_to_plane(torch.full((1, 1, 2, 8), 20.0), 1.0, 100.0)
+    sure = torch.tensor([5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 8).expand(1, 1, 2, 8)
+    nothing = torch.empty(0)
+    found = network._agreed(best, depth, Choice(plane, sure, nothing, nothing, nothing)).flatten()
+    assert float(found[0]) == 20.0
+    assert torch.isnan(found[1:]).all()
