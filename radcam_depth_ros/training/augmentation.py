@@ -38,6 +38,8 @@ class RadarAugmentationConfig:
         clutter: Probability of invented returns; then up to `clutter_share` of the number of true ones, or 3.
         clutter_share: See `clutter`.
         pixel_noise: Standard deviation of u and v in pixels.
+        elevation_noise: Probability of a radar that hardly knows how high a return is: up to `elevation_noise_deg`.
+        elevation_noise_deg: Largest standard deviation of the elevation.
         depth_noise_m: Standard deviation of depth in metres.
         rcs_unknown: Probability of a radar that gives no RCS.
         speed_unknown: Probability of a radar that gives no speed.
@@ -54,6 +56,8 @@ class RadarAugmentationConfig:
     clutter: float = 0.1
     clutter_share: float = 0.15
     pixel_noise: float = 1.0
+    elevation_noise: float = 0.0
+    elevation_noise_deg: float = 6.0
     depth_noise_m: float = 0.1
     rcs_unknown: float = 0.15
     speed_unknown: float = 0.15
@@ -233,6 +237,9 @@ def perturb_radar(
         radar, source = radar[kept], source[kept]
     noise = np.array([config.pixel_noise, config.pixel_noise, config.depth_noise_m, 0, 0, 0], np.float32)
     radar = radar + rng.standard_normal(radar.shape, np.float32) * noise
+    if rng.random() < config.elevation_noise:
+        deviation_px = sample.camera.fy * np.tan(np.deg2rad(rng.uniform(0, config.elevation_noise_deg)))
+        radar[:, _V] += deviation_px * rng.standard_normal(len(radar), np.float32)
     if rng.random() < config.clutter:
         invented = _clutter(sample.camera, radar, config, rng)
         radar = np.concatenate([radar, invented])

@@ -188,6 +188,19 @@ def test_a_sample_without_returns_can_get_clutter() -> None:
     assert np.isnan(radar[:, 3:]).all()
 
 
+def test_a_radar_without_elevation_scatters_returns_along_their_columns_alone() -> None:
+    sample = make_sample(200)
+    config = replace(UNCHANGED.radar, elevation_noise=1.0, elevation_noise_deg=6.0, min_points=200, max_points=200)
+    deviations_px = []
+    for seed in range(20):
+        radar, _ = perturb_radar(sample, config, np.random.default_rng(seed))
+        found = {(float(row[0]), float(row[2])): float(row[1]) for row in radar}
+        deviations_px.append(np.std([found[float(row[0]), float(row[2])] - row[1] for row in sample.radar]))
+    limit_px = CAMERA.fy * np.tan(np.deg2rad(6.0))
+    assert max(deviations_px) < 1.2 * limit_px
+    assert 0.3 * limit_px < np.mean(deviations_px) < 0.7 * limit_px
+
+
 def test_ground_errors_stay_within_their_limits() -> None:
     config = GroundAugmentationConfig(unknown=0.3, height_share=0.1, pitch_deg=1.0, roll_deg=0.5)
     rng = np.random.default_rng(0)
