@@ -79,8 +79,11 @@ LEVERS = {
     "no change of light": Lever(recipe={"augmentation": {"photometric": NO_LIGHT}}),
     "strong changes of light": Lever(recipe={"augmentation": {"photometric": STRONG_LIGHT}}),
     "random appearance": Lever(recipe={"augmentation": {"appearance": APPEARANCE}}),
+    "other skies": Lever(recipe={"augmentation": {"appearance": {"sky": 0.5}}}),
+    "radars without elevation": Lever(recipe={"augmentation": {"radar": {"elevation_noise": 0.4}}}),
     "focal length varies": Lever(recipe={"augmentation": {"focal_jitter": 0.1}}),
     "the sky counts in full": Lever(recipe={"loss": {"choice_sky": 1.0}}),
+    "sky between twigs counts": Lever(recipe={"loss": {"sky_margin_px": 0}}),
 }
 
 
