@@ -24,7 +24,7 @@ from radcam_depth_ros.training.data import find_bags, refuse_test_drives
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.validation import validate
 
-THRESHOLDS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97, 0.98, 0.99)
+THRESHOLDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8)
 
 
 def main() -> None:

@@ -363,7 +363,7 @@ def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
     assert isinstance(network, Baff)
     # Pixels: agreed; the stages 20 % apart; stage 1 unsure; stage 2 unsure. A logit of 5 is 0.993.
     depth = torch.tensor([20.0, 24.0, 20.0, 20.0]).reshape(1, 1, 1, 4)
-    best = torch.tensor([5.0, 5.0, -1.0, 5.0]).reshape(1, 1, 1, 4)
+    best = torch.tensor([5.0, 5.0, -2.0, 5.0]).reshape(1, 1, 1, 4)
     plane = depth_to_plane(torch.full((1, 1, 2, 8), 20.0), 1.0, 100.0)
     sure = torch.tensor([5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 8).expand(1, 1, 2, 8)
     nothing = torch.empty(0)
