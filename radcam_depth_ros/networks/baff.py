@@ -35,6 +35,12 @@ from radcam_depth_ros.networks.road import RoadVotes
 AGREEMENT = 0.2
 """Relative difference of the stages' depths at which the semi-dense depth counts 1 / e as much as without any."""
 
+LEAN = 0.5
+"""How far, at most, a doubtful depth goes towards that of the near returns around, of the logarithm."""
+
+DOUBT_SPAN = 0.3
+"""So far below `caution` the confidence has to be for that."""
+
 PAPER: Mapping[str, Any] = MappingProxyType(
     {
         "association": "regions",
@@ -57,6 +63,8 @@ class BaffConfig:
         fusion: `quarter` (from 1/4 on, choosing between known depths) or `paper` (from 1/2 on, regressing depth).
         threshold: tau, the confidence from which on a pixel of the semi-dense depth takes its return's depth: stage 1's
             or, of `quarter`, that of both stages.
+        caution: Where the confidence is lower, the dense depth of `quarter` leans to that of the near returns around; 0:
+            nowhere.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
@@ -83,6 +91,7 @@ class BaffConfig:
     association: str = "embedding"
     fusion: str = "quarter"
     threshold: float = 0.2
+    caution: float = 0.5
     region_width_px: int = 160
     embedding_dims: int = 32
     considered: int = 8
@@ -121,6 +130,8 @@ class BaffConfig:
             )
         if not 0 < self.threshold < 1:
             raise ArchitectureError(f"threshold must lie between 0 and 1, got {self.threshold}")
+        if not 0 <= self.caution <= 1:
+            raise ArchitectureError(f"caution must lie between 0 and 1, got {self.caution}")
         if self.detail not in (1, 2, 4):
             raise ArchitectureError(f"detail must be 1, 2 or 4, got {self.detail}")
         levels = 2 if self.fusion == "quarter" else 4
@@ -162,6 +173,9 @@ class Baff(Network):
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
         self.agreement = AGREEMENT
+        self.caution = config.caution
+        self.lean = LEAN
+        self.doubt_span = DOUBT_SPAN
         self.outside = OUTSIDE
         self.detail = config.detail
         points = PointEncoder(config.focal_length_px, config.min_depth_m, config.max_depth_m)
@@ -274,6 +288,8 @@ class Baff(Network):
         suggested = torch.cat([geometry.nearest, geometry.layers, found], dim=1)
         choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
         plane, confidence_logit = choice.plane, choice.confidence_logit
+        if not self.training:
+            plane = self._lean(plane, confidence_logit, geometry.layers[:, 1:2])
         size = (rows * self.stride, columns * self.stride)
         if self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")
@@ -286,6 +302,16 @@ class Baff(Network):
         """Probability of stage 1's return, and its depth where that passes tau, else NaN."""
         probability = torch.sigmoid(best.detach().float())
         return probability, torch.where(probability > self.threshold, depth, torch.full_like(depth, float("nan")))
+
+    def _lean(self, plane: Tensor, confidence_logit: Tensor, near: Tensor) -> Tensor:
+        """The dense depth's plane, nearer where it is doubtful and a tenth of the returns around is nearer.
+
+        Not in the paper. In doubt, what is near matters more than what is behind it; on pictures unlike those that it was
+        trained on a network doubts often (docs/results.md). Losses see the depth without.
+        """
+        near = functional.interpolate(near, [plane.shape[2], plane.shape[3]], mode="nearest")
+        doubt = ((self.caution - torch.sigmoid(confidence_logit)) / self.doubt_span).clamp(0.0, 1.0)
+        return plane - self.lean * doubt * (plane - near).clamp(min=0.0)
 
     def _agreed(self, best: Tensor, depth: Tensor, choice: Choice) -> Tensor:
         """The semi-dense depth: stage 1's return where both stages are sure of it and agree; NaN elsewhere.

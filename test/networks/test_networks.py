@@ -370,3 +370,18 @@ def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
     found = network._agreed(best, depth, Choice(plane, sure, nothing, nothing, nothing)).flatten()
     assert float(found[0]) == 20.0
     assert torch.isnan(found[1:]).all()
+
+
+def test_a_doubtful_depth_leans_to_the_near_returns() -> None:
+    network = networks.create("baff", {"caution": 0.5})
+    assert isinstance(network, Baff)
+    plane = depth_to_plane(torch.tensor([40.0, 40.0, 40.0, 5.0]).repeat_interleave(2), 1.0, 100.0).reshape(1, 1, 1, 8)
+    near = depth_to_plane(torch.full((1, 1, 1, 4), 10.0), 1.0, 100.0)
+    # Confidence: none, 0.35 (half way down), above 0.5, none where the returns are farther away.
+    logit = torch.logit(torch.tensor([0.01, 0.35, 0.6, 0.01])).repeat_interleave(2).reshape(1, 1, 1, 8)
+    leant = plane_to_depth(network._lean(plane, logit, near), 1.0, 100.0)[0, 0, 0, ::2]
+    expected = torch.tensor([20.0, 40.0 / 4.0**0.25, 40.0, 5.0])
+    torch.testing.assert_close(leant, expected, rtol=1e-4, atol=0.0)
+    careless = networks.create("baff", {"caution": 0.0})
+    assert isinstance(careless, Baff)
+    torch.testing.assert_close(careless._lean(plane, logit, near), plane)
