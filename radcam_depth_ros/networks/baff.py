@@ -63,8 +63,8 @@ class BaffConfig:
         fusion: `quarter` (from 1/4 on, choosing between known depths) or `paper` (from 1/2 on, regressing depth).
         threshold: tau, the confidence from which on a pixel of the semi-dense depth takes its return's depth: stage 1's
             or, of `quarter`, that of both stages.
-        caution: Where the confidence is lower, the dense depth of `quarter` leans to that of the near returns around; 0:
-            nowhere.
+        caution: Where the confidence is lower, the dense depth of `quarter` leans to that of the near returns around;
+            0: nowhere.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
@@ -306,8 +306,8 @@ class Baff(Network):
     def _lean(self, plane: Tensor, confidence_logit: Tensor, near: Tensor) -> Tensor:
         """The dense depth's plane, nearer where it is doubtful and a tenth of the returns around is nearer.
 
-        Not in the paper. In doubt, what is near matters more than what is behind it; on pictures unlike those that it was
-        trained on a network doubts often (docs/results.md). Losses see the depth without.
+        Not in the paper. In doubt, what is near matters more than what is behind it, and on pictures unlike those that
+        it was trained on a network doubts often (docs/results.md). Losses see the depth without.
         """
         near = functional.interpolate(near, [plane.shape[2], plane.shape[3]], mode="nearest")
         doubt = ((self.caution - torch.sigmoid(confidence_logit)) / self.doubt_span).clamp(0.0, 1.0)
