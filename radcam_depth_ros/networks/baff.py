@@ -35,8 +35,8 @@ from radcam_depth_ros.networks.road import RoadVotes
 AGREEMENT = 0.2
 """Relative difference of the stages' depths at which the semi-dense depth counts 1 / e as much as without any."""
 
-LEAN = 0.5
-"""How far, at most, a doubtful depth goes towards that of the near returns around, of the logarithm."""
+LEAN = 0.8
+"""How far, at most, a doubtful depth goes towards the nearest return's or the road's: a share of the logarithm."""
 
 DOUBT_SPAN = 0.3
 """So far below `caution` the confidence has to be for that."""
@@ -63,8 +63,8 @@ class BaffConfig:
         fusion: `quarter` (from 1/4 on, choosing between known depths) or `paper` (from 1/2 on, regressing depth).
         threshold: tau, the confidence from which on a pixel of the semi-dense depth takes its return's depth: stage 1's
             or, of `quarter`, that of both stages.
-        caution: Where the confidence is lower, the dense depth of `quarter` leans to that of the near returns around;
-            0: nowhere.
+        caution: Where the confidence is lower, the dense depth of `quarter` leans to geometry's: the nearest return, or
+            the road where that is nearer. 0: nowhere.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
@@ -90,8 +90,8 @@ class BaffConfig:
 
     association: str = "embedding"
     fusion: str = "quarter"
-    threshold: float = 0.2
-    caution: float = 0.5
+    threshold: float = 0.25
+    caution: float = 0.7
     region_width_px: int = 160
     embedding_dims: int = 32
     considered: int = 8
@@ -289,7 +289,7 @@ class Baff(Network):
         choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
         plane, confidence_logit = choice.plane, choice.confidence_logit
         if not self.training:
-            plane = self._lean(plane, confidence_logit, geometry.layers[:, 1:2])
+            plane = self._lean(plane, confidence_logit, self.fusion.spread(choice.parts[:, 2:]))
         size = (rows * self.stride, columns * self.stride)
         if self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")
@@ -304,12 +304,16 @@ class Baff(Network):
         return probability, torch.where(probability > self.threshold, depth, torch.full_like(depth, float("nan")))
 
     def _lean(self, plane: Tensor, confidence_logit: Tensor, near: Tensor) -> Tensor:
-        """The dense depth's plane, nearer where it is doubtful and a tenth of the returns around is nearer.
+        """The dense depth's plane, nearer where it is doubtful and geometry is nearer.
 
         Not in the paper. In doubt, what is near matters more than what is behind it, and on pictures unlike those that
         it was trained on a network doubts often (docs/results.md). Losses see the depth without.
+
+        Args:
+            plane: (B, 1, h, w), the dense depth.
+            confidence_logit: (B, 1, h, w).
+            near: (B, 1, h, w), the nearest return, or the road where that is nearer.
         """
-        near = functional.interpolate(near, [plane.shape[2], plane.shape[3]], mode="nearest")
         doubt = ((self.caution - torch.sigmoid(confidence_logit)) / self.doubt_span).clamp(0.0, 1.0)
         return plane - self.lean * doubt * (plane - near).clamp(min=0.0)
 

@@ -14,7 +14,7 @@ from torch import Tensor
 from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError, archive
-from radcam_depth_ros.networks.baff import PAPER, Baff
+from radcam_depth_ros.networks.baff import DOUBT_SPAN, LEAN, PAPER, Baff
 from radcam_depth_ros.networks.choice import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN, Choice
 from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.rasterise import Rasterise, depth_to_plane, peak, plane_to_depth, support
@@ -372,15 +372,15 @@ def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
     assert torch.isnan(found[1:]).all()
 
 
-def test_a_doubtful_depth_leans_to_the_near_returns() -> None:
+def test_a_doubtful_depth_leans_to_what_is_near() -> None:
     network = networks.create("baff", {"caution": 0.5})
     assert isinstance(network, Baff)
-    plane = depth_to_plane(torch.tensor([40.0, 40.0, 40.0, 5.0]).repeat_interleave(2), 1.0, 100.0).reshape(1, 1, 1, 8)
+    plane = depth_to_plane(torch.tensor([[[[40.0, 40.0, 40.0, 5.0]]]]), 1.0, 100.0)
     near = depth_to_plane(torch.full((1, 1, 1, 4), 10.0), 1.0, 100.0)
-    # Confidence: none, 0.35 (half way down), above 0.5, none where the returns are farther away.
-    logit = torch.logit(torch.tensor([0.01, 0.35, 0.6, 0.01])).repeat_interleave(2).reshape(1, 1, 1, 8)
-    leant = plane_to_depth(network._lean(plane, logit, near), 1.0, 100.0)[0, 0, 0, ::2]
-    expected = torch.tensor([20.0, 40.0 / 4.0**0.25, 40.0, 5.0])
+    # Confidence: none, half way down, above the limit, none where the returns are farther away.
+    logit = torch.logit(torch.tensor([[[[0.01, 0.5 - 0.5 * DOUBT_SPAN, 0.6, 0.01]]]]))
+    leant = plane_to_depth(network._lean(plane, logit, near), 1.0, 100.0).flatten()
+    expected = torch.tensor([40.0 / 4.0**LEAN, 40.0 / 4.0 ** (0.5 * LEAN), 40.0, 5.0])
     torch.testing.assert_close(leant, expected, rtol=1e-4, atol=0.0)
     careless = networks.create("baff", {"caution": 0.0})
     assert isinstance(careless, Baff)
