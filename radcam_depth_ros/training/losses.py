@@ -21,6 +21,9 @@ FARTHEST_ROAD_M = 60.0
 ROAD_TOLERANCE = 0.2
 """Difference of the logarithms up to which a pixel of unknown class is taken for ground."""
 
+LEAST_SHARE = 0.001
+"""Share of a sample's pixels from which on it counts in full: a scan of 16 beams knows one in a hundred."""
+
 ALONE = Ranks()
 
 
@@ -125,7 +128,8 @@ def association_loss(association: Association, truth_m: Tensor, config: LossConf
         ranks: The processes that share the batch: the mean is over all of it, and the sum of what each gets.
 
     Returns:
-        A scalar: the mean over the pixels and returns that count, a positive counting `positive_weight` times.
+        A scalar: the mean over samples of that over the pixels and returns that count, a positive counting
+        `positive_weight` times.
     """
     logits, depth, columns = association
     truth = _at(truth_m, logits.shape[2])
@@ -136,9 +140,9 @@ def association_loss(association: Association, truth_m: Tensor, config: LossConf
     tolerance = config.association_tolerance_m + config.association_tolerance_share * depth
     counts = ~torch.isnan(truth - depth)
     positive = ((truth - depth).abs() < tolerance).expand_as(logits)
-    weight = torch.where(positive, config.positive_weight, 1.0) * counts
-    entropy = functional.binary_cross_entropy_with_logits(logits.float(), positive.float(), weight, reduction="sum")
-    return entropy / ranks.add(counts.sum()).clamp(min=1)
+    weight = torch.where(positive, config.positive_weight, 1.0)
+    entropy = functional.binary_cross_entropy_with_logits(logits.float(), positive.float(), weight, reduction="none")
+    return _mean(entropy, counts.expand_as(logits), ranks)
 
 
 def choice_loss(
@@ -160,7 +164,7 @@ def choice_loss(
     logits = candidates.logits.float()
     distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
     likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
-    return -(likelihood * weight).sum() / ranks.add(weight.sum()).clamp(min=1)
+    return _mean(-likelihood, weight, ranks)
 
 
 def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
@@ -307,6 +311,19 @@ def total_loss(
     )
 
 
-def _mean(values: Tensor, where: Tensor, ranks: Ranks) -> Tensor:
-    # torch.where, not a product: what does not count may be NaN.
-    return torch.where(where, values, 0.0).sum() / ranks.add(where.sum()).clamp(min=1)
+def _mean(values: Tensor, weight: Tensor, ranks: Ranks) -> Tensor:
+    """Mean over the samples of each sample's weighted mean.
+
+    A frame with a LiDAR's thousand pixels counts as much as a simulated one that knows them all: among rehearsed drives
+    it would hardly be heard otherwise. What knows less than `LEAST_SHARE` of its pixels counts accordingly less.
+
+    Args:
+        values: (B, ...); what weighs nothing may be NaN.
+        weight: The same shape, bool or not negative.
+        ranks: As in `association_loss`.
+    """
+    known = weight.flatten(1).sum(dim=1)
+    # torch.where, not a product alone: what does not count may be NaN.
+    total = (torch.where(weight > 0, values, 0.0) * weight).flatten(1).sum(dim=1)
+    means = total / known.clamp(min=max(LEAST_SHARE * weight[0].numel(), 1e-6))
+    return means.sum() / ranks.add((known > 0).sum()).clamp(min=1)

@@ -109,6 +109,19 @@ def test_dense_loss_is_smooth_l1_and_draws_the_sky_to_the_farthest_depth() -> No
     assert float(loss) == pytest.approx(in_range + 0.2 * beyond, rel=1e-6)
 
 
+def test_a_sample_that_knows_few_pixels_counts_as_much_as_one_that_knows_all() -> None:
+    dense = torch.full((2, 1, 20, 50), 10.0)
+    dense[1] = 13.0
+    truth = torch.full((2, 1, 20, 50), 10.0)
+    truth[1].fill_(NAN)
+    truth[1, 0, 3, :2] = 10.0
+    loss = dense_loss(dense, truth, 100.0, LossConfig())
+    assert float(loss) == pytest.approx(0.5 * (3.0 - 0.5))
+    truth[1].fill_(NAN)  # one that knows nothing does not count at all
+    truth[0] = 9.5
+    assert float(dense_loss(dense, truth, 100.0, LossConfig())) == pytest.approx(0.5 * 0.5**2)
+
+
 def test_sky_beside_a_surface_is_unknown() -> None:
     truth = torch.full((1, 1, 9, 12), INF)
     truth[0, 0, 4, 2] = 10.0
