@@ -73,7 +73,7 @@ def write_drive() -> Callable[..., Path]:
 def small_weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A `baff` with random weights whose returns win pixels."""
     torch.manual_seed(3)
-    network = networks.create("baff")
+    network = networks.create("baff", {"threshold": 0.01})
     with torch.no_grad():
         network.get_parameter("association.point_head.bias").add_(3.0)
     path = tmp_path_factory.mktemp("weights") / "baff.safetensors"

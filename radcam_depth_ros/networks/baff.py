@@ -289,7 +289,7 @@ class Baff(Network):
         choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
         plane, confidence_logit = choice.plane, choice.confidence_logit
         if not self.training:
-            plane = self._lean(plane, confidence_logit, self.fusion.spread(choice.parts[:, 2:]))
+            plane = self._lean(plane, confidence_logit, choice.near)
         size = (rows * self.stride, columns * self.stride)
         if self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")

@@ -31,6 +31,7 @@ class Choice(NamedTuple):
     logits: (B, CANDIDATES + BINS, detail detail, h, w), of the candidates and the bins.
     parts: (B, 3, detail detail, h, w), planes of the candidates that differ between the parts of a pixel.
     others: (B, 5 + BINS, h, w), planes of the others, and the bins.
+    near: (B, 1, h detail, w detail), the nearest return, or the road where that is nearer.
     """
 
     plane: Tensor
@@ -38,6 +39,7 @@ class Choice(NamedTuple):
     logits: Tensor
     parts: Tensor
     others: Tensor
+    near: Tensor
 
 
 class DepthEncoder(nn.Module):
@@ -81,6 +83,8 @@ class QuarterFusion(nn.Module):
         position_attention: PA.
         detail: Parts of a pixel along each axis.
     """
+
+    bins: Tensor
 
     def __init__(
         self,
@@ -146,7 +150,14 @@ class QuarterFusion(nn.Module):
         others = torch.cat([others, bins], dim=1)
         share = torch.softmax(logits, dim=1)
         plane = raw[:, 0] + (share[:, :3] * parts).sum(dim=1) + (share[:, 3:] * others.unsqueeze(2)).sum(dim=1)
-        return Choice(self.spread(plane.clamp(0.0, 1.0).unsqueeze(1)), self.spread(raw[:, 1:2]), logits, parts, others)
+        return Choice(
+            self.spread(plane.clamp(0.0, 1.0).unsqueeze(1)),
+            self.spread(raw[:, 1:2]),
+            logits,
+            parts,
+            others,
+            self.spread(parts[:, 2:]),
+        )
 
     def hypotheses(self, choice: Choice) -> tuple[Tensor, Tensor]:
         """Logits and planes of all candidates and bins, both (B, CANDIDATES + BINS, h detail, w detail)."""

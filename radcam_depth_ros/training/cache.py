@@ -150,21 +150,33 @@ def _locked(folder: Path) -> Iterator[None]:
     The lock is on the folder itself: it goes with the process, and no file is left.
     """
     while True:
-        folder.mkdir(parents=True, exist_ok=True)
         try:
+            folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         except FileNotFoundError:
             continue  # another process has just finished it
+        except FileExistsError:  # what mkdir says, too, when another process removes it while this one looks
+            if folder.exists() and not folder.is_dir():
+                raise
+            continue
         try:
             fcntl.flock(handle, fcntl.LOCK_EX)
             # Another process may have finished while this one waited, and its folder has another name now.
-            if folder.is_dir() and folder.stat().st_ino == os.fstat(handle).st_ino:
+            if _inode(folder) == os.fstat(handle).st_ino:
                 for leftover in folder.iterdir():
                     leftover.unlink()
                 yield
                 return
         finally:
             os.close(handle)
+
+
+def _inode(folder: Path) -> int | None:
+    # One call: between asking whether it is there and what it is, another process may remove it.
+    try:
+        return folder.stat().st_ino
+    except FileNotFoundError:
+        return None
 
 
 def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:

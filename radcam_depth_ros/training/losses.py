@@ -58,13 +58,13 @@ class LossConfig:
     association_tolerance_share: float = 0.01
     positive_weight: float = 1.5
     choice: float = 1.0
-    choice_sky: float = 0.2
+    choice_sky: float = 0.05
     choice_tolerance: float = 0.05
     road: float = 4.0
     accumulated: float = 0.25
     single: float = 0.25
     smooth_l1_beta_m: float = 1.0
-    sky: float = 0.04
+    sky: float = 0.015
     sky_margin_px: int = 4
     log_depth: float = 20.0
     confidence: float = 0.1
