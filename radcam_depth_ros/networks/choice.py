@@ -28,15 +28,17 @@ class Choice(NamedTuple):
 
     plane: (B, 1, h detail, w detail), the dense depth.
     confidence_logit: (B, 1, h detail, w detail).
-    logits: (B, CANDIDATES + BINS, detail detail, h, w), of the candidates and the bins.
+    logits: (B, CANDIDATES, detail detail, h, w), of the candidates.
+    bin_logits: (B, BINS, h, w), of the bins, which all parts of a pixel share.
     parts: (B, 3, detail detail, h, w), planes of the candidates that differ between the parts of a pixel.
-    others: (B, 5 + BINS, h, w), planes of the others, and the bins.
+    others: (B, 5, h, w), planes of the others.
     near: (B, 1, h detail, w detail), the nearest return, or the road where that is nearer.
     """
 
     plane: Tensor
     confidence_logit: Tensor
     logits: Tensor
+    bin_logits: Tensor
     parts: Tensor
     others: Tensor
     near: Tensor
@@ -143,17 +145,21 @@ class QuarterFusion(nn.Module):
         # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.
         raw = self.head(self.refinement(self.bidirectional(fused))).float()
         batch, rows, columns = raw.shape[0], raw.shape[2], raw.shape[3]
-        bins = self.bins.reshape(1, -1, 1, 1).expand(batch, -1, rows, columns)
-        of_bins = raw[:, raw.shape[1] - bins.shape[1] :].unsqueeze(2).expand(-1, -1, self.detail * self.detail, -1, -1)
-        raw = raw[:, : raw.shape[1] - bins.shape[1]].reshape(batch, -1, self.detail * self.detail, rows, columns)
-        logits = torch.cat([raw[:, 2:], of_bins], dim=1)
-        others = torch.cat([others, bins], dim=1)
-        share = torch.softmax(logits, dim=1)
-        plane = raw[:, 0] + (share[:, :3] * parts).sum(dim=1) + (share[:, 3:] * others.unsqueeze(2)).sum(dim=1)
+        first_bin = raw.shape[1] - self.bins.shape[0]
+        bin_logits = raw[:, first_bin:]
+        raw = raw[:, :first_bin].reshape(batch, -1, self.detail * self.detail, rows, columns)
+        logits = raw[:, 2:]
+        # The bins are as one more candidate, their mean, that weighs as much as they do together.
+        bins = (torch.softmax(bin_logits, dim=1) * self.bins.reshape(1, -1, 1, 1)).sum(dim=1, keepdim=True)
+        together = torch.logsumexp(bin_logits, dim=1, keepdim=True).unsqueeze(2)
+        share = torch.softmax(torch.cat([logits, together.expand_as(logits[:, :1])], dim=1), dim=1)
+        singles = torch.cat([others, bins], dim=1).unsqueeze(2)
+        plane = raw[:, 0] + (share[:, :3] * parts).sum(dim=1) + (share[:, 3:] * singles).sum(dim=1)
         return Choice(
             self.spread(plane.clamp(0.0, 1.0).unsqueeze(1)),
             self.spread(raw[:, 1:2]),
             logits,
+            bin_logits,
             parts,
             others,
             self.spread(parts[:, 2:]),
@@ -161,8 +167,12 @@ class QuarterFusion(nn.Module):
 
     def hypotheses(self, choice: Choice) -> tuple[Tensor, Tensor]:
         """Logits and planes of all candidates and bins, both (B, CANDIDATES + BINS, h detail, w detail)."""
-        others = choice.others.unsqueeze(2).expand(-1, -1, self.detail * self.detail, -1, -1)
-        return self.spread(choice.logits), self.spread(torch.cat([choice.parts, others], dim=1))
+        parts = self.detail * self.detail
+        bins = self.bins.reshape(1, -1, 1, 1).expand_as(choice.bin_logits)
+        others = torch.cat([choice.others, bins], dim=1).unsqueeze(2).expand(-1, -1, parts, -1, -1)
+        bin_logits = choice.bin_logits.unsqueeze(2).expand(-1, -1, parts, -1, -1)
+        logits = torch.cat([choice.logits, bin_logits], dim=1)
+        return self.spread(logits), self.spread(torch.cat([choice.parts, others], dim=1))
 
     def candidates(self, road: Tensor, suggested: Tensor) -> tuple[Tensor, Tensor]:
         """What the head chooses between, as `Choice` has it; arguments as in `forward`.

@@ -367,7 +367,7 @@ def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
     plane = depth_to_plane(torch.full((1, 1, 2, 8), 20.0), 1.0, 100.0)
     sure = torch.tensor([5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 8).expand(1, 1, 2, 8)
     nothing = torch.empty(0)
-    found = network._agreed(best, depth, Choice(plane, sure, nothing, nothing, nothing, nothing)).flatten()
+    found = network._agreed(best, depth, Choice(plane, sure, *[nothing] * 5)).flatten()
     assert float(found[0]) == 20.0
     assert torch.isnan(found[1:]).all()
 
