@@ -165,6 +165,7 @@ class Baff(Network):
         ("head", "fusion.head"),
     )
     backbones = ("context",)
+    adjustable = ("threshold", "caution")
     paper = PAPER
 
     def __init__(self, config: BaffConfig) -> None:

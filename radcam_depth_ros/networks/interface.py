@@ -88,6 +88,7 @@ class Network(nn.Module):
             that a forward pass calls exactly once ("fusion.image_encoder"); none lies within another. Submodules of
             one name are one stage together; paths that an architecture lacks, or has an `Identity` at, are left out.
         backbones: Names of the submodules that take the weights of public checkpoints.
+        adjustable: Names of the config's values that no weight depends on: they may be changed after training.
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
     """
 
@@ -95,6 +96,7 @@ class Network(nn.Module):
     parts: ClassVar[tuple[str, ...]] = ()
     stages: ClassVar[tuple[tuple[str, str], ...]] = ()
     backbones: ClassVar[tuple[str, ...]] = ()
+    adjustable: ClassVar[tuple[str, ...]] = ()
     paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
 
     def __init__(self, config: Any) -> None:

@@ -34,8 +34,7 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
         raise TrainingError(f"the weights of {source} are of {given.card.network!r}, not of {name!r}")
     mine, theirs = configuration.as_mapping(network.config), given.card.architecture
     for key, value in mine.items():
-        # tau is no weight: it may be another one.
-        if key != "threshold" and theirs.get(key) != value:
+        if key not in network.adjustable and theirs.get(key) != value:
             raise TrainingError(
                 f"the architecture of {source} differs: its {key} is {theirs.get(key)}, the recipe's is {value}; leave "
                 f"{key} out of the recipe, or start from other weights"

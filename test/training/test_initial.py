@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from radcam_depth_ros import networks
+from radcam_depth_ros.training.initial import load_initial
+from radcam_depth_ros.training.samples import TrainingError
+
+
+def test_what_no_weight_depends_on_may_differ(small_weights: Path) -> None:
+    network = networks.create("baff", {"threshold": 0.4, "caution": 0.0})
+    load_initial(network, "baff", small_weights)
+    again = networks.create("baff", {"threshold": 0.3, "caution": 0.9})
+    load_initial(again, "baff", small_weights)
+    for name, value in network.state_dict().items():
+        torch.testing.assert_close(again.state_dict()[name], value)
+
+
+def test_another_architecture_is_refused_naming_what_differs(small_weights: Path) -> None:
+    with pytest.raises(TrainingError, match="its detail is 2, the recipe's is 4; leave detail out of the recipe"):
+        load_initial(networks.create("baff", {"detail": 4}), "baff", small_weights)
