@@ -258,7 +258,8 @@ class Baff(Network):
 
     def _regress(self, image: Tensor, best: Tensor, depth: Tensor) -> tuple[Depths, Tensor]:
         """The paper's stage 2: depths and the confidence's logit."""
-        probability, semi_dense = self._semi_dense(best, depth)
+        probability = self._probability(best)
+        semi_dense = self._above_tau(probability, depth)
         plane = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
         plane = torch.where(probability > self.threshold, plane, torch.zeros_like(plane))
         known = torch.cat([plane, probability], dim=1)
@@ -278,7 +279,7 @@ class Baff(Network):
             best[:, :, step // 2 :: step, step // 2 :: step],
             depth[:, :, step // 2 :: step, step // 2 :: step],
         )
-        probability, _ = self._semi_dense(best, depth)
+        probability = self._probability(best)
         found = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
         found = torch.where(best > 0.5 * self.outside, found, torch.ones_like(found))
         # The probability, not whether it passes tau: a plane that is 0 everywhere, as that would be before stage 1 has
@@ -299,10 +300,13 @@ class Baff(Network):
         semi_dense = functional.interpolate(semi_dense, size, mode="nearest")
         return Depths(self._depth(plane), semi_dense, torch.sigmoid(confidence_logit)), confidence_logit, choice
 
-    def _semi_dense(self, best: Tensor, depth: Tensor) -> tuple[Tensor, Tensor]:
-        """Probability of stage 1's return, and its depth where that passes tau, else NaN."""
-        probability = torch.sigmoid(best.detach().float())
-        return probability, torch.where(probability > self.threshold, depth, torch.full_like(depth, float("nan")))
+    def _probability(self, best: Tensor) -> Tensor:
+        """Of stage 1's return."""
+        return torch.sigmoid(best.detach().float())
+
+    def _above_tau(self, score: Tensor, depth: Tensor) -> Tensor:
+        """Depth where a score passes tau, else NaN."""
+        return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
 
     def _lean(self, plane: Tensor, confidence_logit: Tensor, near: Tensor) -> Tensor:
         """The dense depth's plane, nearer where it is doubtful and geometry is nearer.
@@ -321,16 +325,16 @@ class Baff(Network):
     def _agreed(self, best: Tensor, depth: Tensor, choice: Choice) -> Tensor:
         """The semi-dense depth: stage 1's return where both stages are sure of it and agree; NaN elsewhere.
 
-        Deviation: in the paper stage 1 decides alone. Stage 2 has seen more, and what it says comes for nothing: of as
-        many pixels, the depth is wrong by half as much (docs/decisions.md).
+        Deviation: in the paper stage 1 decides alone. Stage 2 has seen more, and what it says comes for nothing
+        (docs/decisions.md).
         """
         size = (best.shape[2], best.shape[3])
         dense = functional.interpolate(self._depth(choice.plane.detach()), size, mode="bilinear")
         confidence = torch.sigmoid(functional.interpolate(choice.confidence_logit.detach(), size, mode="bilinear"))
         apart = torch.log(depth.clamp(min=self.min_depth_m) / dense).abs()
         # Stage 2's word weighs more: it knows what is in front. Powers and `AGREEMENT` were chosen on held-out drives.
-        score = torch.sigmoid(best.detach().float()).sqrt() * confidence.square() * torch.exp(-apart / self.agreement)
-        return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
+        score = self._probability(best).sqrt() * confidence.square() * torch.exp(-apart / self.agreement)
+        return self._above_tau(score, depth)
 
     def _depth(self, plane: Tensor) -> Tensor:
         return plane_to_depth(plane, self.min_depth_m, self.max_depth_m)
