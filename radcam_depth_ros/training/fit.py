@@ -219,7 +219,7 @@ class Trainer:
         optimiser, config = self._working.optimiser, self._config.optimiser
         rate = config.rate(self.state.step, self._progress())
         for group in optimiser.param_groups:
-            group["lr"] = rate
+            group["lr"] = rate * group["factor"]
         batch = batch.to(self._precision.device)
         self._choose_parts(stage)
         with self._precision.autocast():
@@ -378,10 +378,10 @@ def _few(samples: Sequence[TrainingSample]) -> list[tuple[int, TrainingSample]]:
 
 
 def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -> None:
-    for stage in config.stages:
-        unknown = sorted(set(stage.parts) - set(network.parts))
+    for named in (*(stage.parts for stage in config.stages), config.optimiser.part_rates):
+        unknown = sorted(set(named) - set(network.parts))
         if unknown:
             raise TrainingError(
-                f"a stage of the recipe trains {unknown[0]!r}, which is no part of {name}; its parts are "
+                f"the recipe names {unknown[0]!r}, which is no part of {name}; its parts are "
                 f"{', '.join(network.parts) or 'not trained one by one'}"
             )

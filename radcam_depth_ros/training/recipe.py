@@ -52,6 +52,7 @@ class OptimiserConfig:
         weight_decay: Of AdamW; of weights with two dimensions or more, not of biases and norms.
         clip_norm: Greatest norm of the gradient; 0 for no limit.
         average_decay: Of the moving average of the weights, which is what is validated and shipped; 0 for none.
+        part_rates: Factors of the learning rate for parts of the network; 1 for those left out.
     """
 
     learning_rate: float = 1e-3
@@ -61,6 +62,7 @@ class OptimiserConfig:
     weight_decay: float = 1e-4
     clip_norm: float = 20.0
     average_decay: float = 0.995
+    part_rates: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.schedule not in ("cosine", "step"):
@@ -70,6 +72,8 @@ class OptimiserConfig:
                 "learning_rate must be positive, average_decay in 0 to 1 and clip_norm at least 0, got "
                 f"{self.learning_rate}, {self.average_decay} and {self.clip_norm}"
             )
+        if min(self.part_rates.values(), default=0.0) < 0:
+            raise TrainingError(f"part_rates must not be negative, got {min(self.part_rates.values())}")
 
     def rate(self, step: int, progress: float) -> float:
         """The learning rate of an iteration, `progress` (0 to 1) of the way through the training."""

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -122,11 +123,37 @@ def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> 
         assert changed == {learning}
 
 
-def test_a_part_that_a_network_does_not_have_is_refused(tmp_path: Path, data: TrainingData) -> None:
-    config = dataclasses.replace(CONFIG, stages=(StageConfig(1.0, ((64, 64),), 1, ("fusing",)),))
+def test_parts_learn_at_their_own_rates(tmp_path: Path, data: TrainingData) -> None:
+    changes: list[float] = []
+    for factor in (0.0, 0.1, 1.0):
+        optimiser = dataclasses.replace(CONFIG.optimiser, part_rates={"association": factor})
+        config = dataclasses.replace(
+            CONFIG, iterations=1, stages=(StageConfig(1.0, ((64, 64),), 1),), optimiser=optimiser
+        )
+        states: list[Tensor] = []
+        for steps in (0, 1):
+            _, trainer, _ = run(data, tmp_path / str(factor), config, steps > 0, stop_after=steps, network="baff")
+            weights = trainer.network.get_submodule("association").parameters()
+            states.append(torch.cat([weight.detach().flatten().clone() for weight in weights]))
+        changes.append(float((states[1] - states[0]).norm()))
+    assert changes[0] == 0
+    assert changes[1] == pytest.approx(0.1 * changes[2], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"stages": (StageConfig(1.0, ((64, 64),), 1, ("fusing",)),)},
+        {"optimiser": dataclasses.replace(CONFIG.optimiser, part_rates={"fusing": 0.1})},
+    ],
+)
+def test_a_part_that_a_network_does_not_have_is_refused(
+    tmp_path: Path, data: TrainingData, given: dict[str, Any]
+) -> None:
+    config = dataclasses.replace(CONFIG, **given)
     with pytest.raises(
         TrainingError,
-        match=r"trains 'fusing', which is no part of baff; its parts are context, encoder, association, road, fu",
+        match=r"names 'fusing', which is no part of baff; its parts are context, encoder, association, road, fu",
     ):
         run(data, tmp_path / "run", config, network="baff")
 
