@@ -58,9 +58,10 @@ class RunState:
         step: Iterations done.
         position: Samples consumed.
         elapsed_s: Seconds trained, over all resumptions.
-        best_score: Lowest validation score so far.
+        best_score: Lowest validation error so far of weights that had not forgotten too much, metres.
         best_step: When that was.
         validated_step: When weights were last judged; -1 for never.
+        known_m: Error on rehearsed drives when they were first judged; infinite before that.
         worse: Validations since the best one.
         skipped: Iterations in a row whose gradient was not finite.
         samples: Number of training samples: another number means other data.
@@ -73,6 +74,7 @@ class RunState:
     best_score: float = float("inf")
     best_step: int = 0
     validated_step: int = -1
+    known_m: float = float("inf")
     worse: int = 0
     skipped: int = 0
     samples: int = 0

@@ -291,17 +291,18 @@ class Trainer:
         network = self.judged()
         result = validate(network, self._validation, self._precision, self._ranks)
         known = validate(network, self._rehearsal, self._precision, self._ranks) if self._rehearsal else None
-        # Judged by the mixture that is trained on.
-        share = self._config.rehearsal.share
-        score = result.mae_80_m if known is None else (1 - share) * result.mae_80_m + share * known.mae_80_m
-        is_best = score < self.state.best_score
+        if known is not None and math.isinf(self.state.known_m):
+            self.state.known_m = known.mae_80_m
+        limit_m = (1 + self._config.rehearsal.tolerance) * self.state.known_m
+        has_forgotten = known is not None and known.mae_80_m > limit_m
+        is_best = result.mae_80_m < self.state.best_score and not has_forgotten
         self.state.validated_step = self.state.step
         self.state.worse += 1
-        self._record("validation", {**asdict(result), "score": score})
+        self._record("validation", asdict(result))
         if known is not None:
             self._record("rehearsal", asdict(known))
         if is_best:
-            self.state.best_score, self.state.best_step, self.state.worse = score, self.state.step, 0
+            self.state.best_score, self.state.best_step, self.state.worse = result.mae_80_m, self.state.step, 0
             if self._ranks.is_first:
                 archive.save(network, self._card(result, known), self.archive_path)
         if self._ranks.is_first:
@@ -316,7 +317,7 @@ class Trainer:
             ("network", self._name),
             ("data", self._data.description),
             ("iterations", f"{state.step} of {config.iterations} in {state.elapsed_s / 60:.1f} minutes"),
-            ("best score", f"{state.best_score:.3f} m, of iteration {state.best_step}"),
+            ("best", f"MAE within 80 m {state.best_score:.3f} m, of iteration {state.best_step}"),
             ("seed", str(config.seed)),
             ("computed in", f"{str(self._precision.dtype).removeprefix('torch.')} on {self._precision.device}"),
         )

@@ -17,7 +17,7 @@ class StepReport:
         progress: Share of the run that is done, 0 to 1.
         loss: Mean of the total loss over the last iterations.
         iterations_per_second: Over the last iterations.
-        best_score: Lowest validation score so far, metres.
+        best_score: Lowest validation error so far, metres.
     """
 
     step: int

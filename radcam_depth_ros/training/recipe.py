@@ -183,12 +183,12 @@ class TrainingConfig:
 
 
 FINE_TUNING = TrainingConfig(
-    iterations=1500,
-    minutes=20.0,
+    iterations=2000,
+    minutes=22.0,
     log_every_iterations=25,
     stages=(StageConfig(1.0, ((320, 352), (224, 512)), 4),),
-    optimiser=OptimiserConfig(learning_rate=2e-4, average_decay=0.99),
-    validation=ValidationConfig(every_iterations=150),
+    optimiser=OptimiserConfig(learning_rate=6e-4, part_rates={"encoder": 0.5}),
+    validation=ValidationConfig(every_iterations=200),
     rehearsal=RehearsalConfig(share=0.5),
     freeze_statistics=True,
 )

@@ -25,6 +25,7 @@ class RehearsalConfig:
 
     Attributes:
         share: Of all samples that are rehearsals; 0 for none.
+        tolerance: By how much the error on rehearsed drives may rise: weights that have forgotten more are not kept.
         frames: Simulated frames to rehearse, where no bags of them are given.
         frames_per_drive: Frames of one street.
         first_seed: Seed of the first drive; each has the next.
@@ -33,6 +34,7 @@ class RehearsalConfig:
     """
 
     share: float = 0.0
+    tolerance: float = 0.15
     frames: int = 200
     frames_per_drive: int = 10
     first_seed: int = 1
@@ -40,10 +42,10 @@ class RehearsalConfig:
     simulation: Mapping[str, Any] = field(default_factory=lambda: dict(_KEY_FRAMES))
 
     def __post_init__(self) -> None:
-        if not 0 <= self.share < 1 or not 0 < self.hold_out < 1:
+        if not 0 <= self.share < 1 or not 0 < self.hold_out < 1 or self.tolerance < 0:
             raise TrainingError(
-                "rehearsal needs a share of at least 0 and below 1 and hold_out between 0 and 1, got "
-                f"{self.share} and {self.hold_out}"
+                "rehearsal needs a share of at least 0 and below 1, hold_out between 0 and 1 and a tolerance of at "
+                f"least 0, got {self.share}, {self.hold_out} and {self.tolerance}"
             )
         if self.frames_per_drive < 1 or self.frames < 2 * self.frames_per_drive:
             raise TrainingError(

@@ -23,7 +23,7 @@ class ValidationResult:
     Attributes:
         mae_50_m: Mean absolute error of the dense depth within 50 m.
         rmse_50_m: Root mean square error within 50 m.
-        mae_80_m: Mean absolute error within 80 m: the score that the best weights are chosen by.
+        mae_80_m: Mean absolute error within 80 m, which the best weights are chosen by.
         rmse_80_m: Root mean square error within 80 m.
         semi_dense_share: Share of the pixels nearer than 80 m that stage 1 gave a depth.
         semi_dense_mae_m: Mean absolute error of these; NaN where there are none.

@@ -13,13 +13,16 @@ from small_training import CONFIG, Miniature, Watch, data_of
 from torch import Tensor
 
 from radcam_depth_ros.networks import TrainOutputs, archive, registry
+from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.augmentation import AugmentationConfig
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.losses import LossConfig
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
+from radcam_depth_ros.training.rehearsal import RehearsalConfig
 from radcam_depth_ros.training.samples import CachedDrive, TrainingError, TrainingSample
+from radcam_depth_ros.training.validation import ValidationResult
 
 
 @pytest.fixture(autouse=True)
@@ -239,6 +242,22 @@ def test_a_run_ends_when_nothing_gets_better(tmp_path: Path, data: TrainingData)
     again, _, watch = run(data, tmp_path / "run", config, resume=True)
     assert again.finished
     assert watch.steps == watch.validations == []
+
+
+def test_weights_that_have_forgotten_too_much_are_not_kept(
+    tmp_path: Path, data: TrainingData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Errors on new and on rehearsed drives, of each validation: better, but too much forgotten; good; worse.
+    errors = iter([3.0, 2.0, 1.0, 2.4, 1.5, 2.2, 1.6, 2.0])
+    monkeypatch.setattr(fit, "validate", lambda *_: ValidationResult(*[1.0] * 2, next(errors), *[1.0] * 4))
+    first, _, _ = run(data, tmp_path / "first", dataclasses.replace(CONFIG, validation=ValidationConfig(100)))
+    errors = iter([3.0, 2.0, 1.0, 2.4, 1.5, 2.2, 1.6, 2.0])
+    data = dataclasses.replace(data, rehearsal=data.train, rehearsal_validation=data.validation)
+    config = dataclasses.replace(
+        CONFIG, validation=ValidationConfig(every_iterations=2), rehearsal=RehearsalConfig(share=0.5, tolerance=0.15)
+    )
+    result, _, _ = run(data, tmp_path / "second", config, initial=first.archive)
+    assert (result.state.best_score, result.state.best_step) == (1.5, 4)
 
 
 def test_shipped_weights_keep_a_share_of_the_initial_ones(tmp_path: Path, data: TrainingData) -> None:
