@@ -15,7 +15,7 @@ import torch._dynamo
 from torch import Tensor, nn
 
 from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, registry
-from radcam_depth_ros.training import fit
+from radcam_depth_ros.training import criterion, fit
 from radcam_depth_ros.training.batches import SampleSet
 from radcam_depth_ros.training.fit import Trainer, TrainingData
 from radcam_depth_ros.training.normalisation import join_batch_norms
@@ -114,6 +114,7 @@ def train_here(
     if "RANK" not in environment:
         fit.networks.create = create_joint
     registry._NETWORKS["miniature"] = Miniature
+    criterion._KINDS["miniature"] = criterion._KINDS["baff"]
     torch.set_num_threads(1)
     folder.mkdir(exist_ok=True)
     with joined() as ranks:

@@ -187,6 +187,7 @@ def _new_plan(
 ) -> RunPlan:
     from radcam_depth_ros import configuration
     from radcam_depth_ros.networks import archive, registry
+    from radcam_depth_ros.training.criterion import Criterion
     from radcam_depth_ros.training.data import find_bags
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
     from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig
@@ -205,6 +206,8 @@ def _new_plan(
         # A file is found again wherever a run is resumed from.
         init = init if init in registry.names() else str(Path(init).resolve())
     registry.create_config(network, recipe.architecture)
+    # All of them, so that a run is the same whatever the defaults become.
+    recipe = replace(recipe, loss=configuration.as_mapping(Criterion.of(network, recipe.loss).config))
     if rehearsal_bags and not recipe.rehearsal.share:
         raise TrainingError("--rehearsal-bags need a share in the recipe: set rehearsal.share, 0.5 for example")
     found, held_out, rehearsed = (

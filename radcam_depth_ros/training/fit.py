@@ -18,10 +18,10 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.networks import archive
 from radcam_depth_ros.training.batches import Batch, BatchMaker, SampleSet, prefetch
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
+from radcam_depth_ros.training.criterion import Criterion
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
 from radcam_depth_ros.training.gradients import optimiser_of, share_gradients
 from radcam_depth_ros.training.initial import blend, load_backbones, load_initial
-from radcam_depth_ros.training.losses import total_loss
 from radcam_depth_ros.training.normalisation import freeze_statistics, join_batch_norms
 from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
 from radcam_depth_ros.training.page import panels_of, write_page
@@ -119,6 +119,7 @@ class Trainer:
         torch.manual_seed(config.seed)
         self.network = networks.create(network, config.architecture)
         _check_parts(self.network, network, config)
+        self._criterion = Criterion.of(network, config.loss)
         for stage in config.stages:
             self._ranks.part_of(stage.batch)
         self._validation = _spread(data.validation, config.validation.frames)
@@ -224,20 +225,15 @@ class Trainer:
         self._choose_parts(stage)
         with self._precision.autocast():
             outputs = self.network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
-        losses = total_loss(
-            outputs,
-            batch.depth_accumulated_m,
-            batch.depth_single_m,
-            batch.classes,
-            self.network.config.max_depth_m,
-            self._config.loss,
-            self._ranks,
-        )
+        total, parts = self._criterion(outputs, batch, self.network.config.max_depth_m, self._ranks)
         optimiser.zero_grad(set_to_none=True)
-        losses.total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
+        total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
         share_gradients(self.network, self._ranks)
         norm = clip_grad_norm_(self.network.parameters(), config.clip_norm or math.inf)
-        values = losses.values(self._ranks)
+        parts = {"total": total.detach(), **parts}
+        # Of the whole batch, where several processes share it.
+        numbers = self._ranks.add(torch.stack([part.float() for part in parts.values()])).tolist()
+        values = dict(zip(parts, numbers, strict=True))
         if not torch.isfinite(norm):
             self._skip(values["total"])
             return {}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
+from radcam_depth_ros.training.batches import Batch
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
 
@@ -98,24 +99,6 @@ class LossConfig:
                 "association_tolerance_m, choice_tolerance, positive_weight, smooth_l1_beta_m and "
                 f"confidence_tolerance must be positive, got {min(positive)}"
             )
-
-
-@dataclass(frozen=True)
-class Losses:
-    """The total and its parts before weighting; scalars. The parts pass no gradient."""
-
-    total: Tensor
-    association: Tensor
-    choice: Tensor
-    dense: Tensor
-    log_depth: Tensor
-    road: Tensor
-    confidence: Tensor
-
-    def values(self, ranks: Ranks = ALONE) -> dict[str, float]:
-        """As numbers, by name; of the whole batch where several processes share it."""
-        parts = torch.stack([getattr(self, entry.name).detach().float() for entry in fields(self)])
-        return dict(zip((entry.name for entry in fields(self)), ranks.add(parts).tolist(), strict=True))
 
 
 def association_loss(association: Association, truth_m: Tensor, config: LossConfig, ranks: Ranks = ALONE) -> Tensor:
@@ -255,60 +238,45 @@ def confidence_loss(
 
 
 def total_loss(
-    outputs: TrainOutputs,
-    accumulated_m: Tensor,
-    single_m: Tensor | None,
-    classes: Tensor,
-    max_depth_m: float,
-    config: LossConfig,
-    ranks: Ranks = ALONE,
-) -> Losses:
+    outputs: TrainOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> tuple[Tensor, dict[str, Tensor]]:
     """All losses of a batch.
 
     Args:
         outputs: What the network gave.
-        accumulated_m: (B, 1, H, W) ground truth of many scans, or the exact depth.
-        single_m: The same of a single scan; None where one ground truth serves as both.
-        classes: (B, H, W) uint8, 255 unknown.
+        batch: With the ground truth of many scans, or the exact depth, and that of a single scan where it is another.
         max_depth_m: Farthest depth that the network gives.
         config: Weights.
         ranks: The processes that share the batch; each gets its part of the losses, whose sum is that of the batch.
+
+    Returns:
+        The total, and its parts before weighting, which pass no gradient; 0 for what the network gave nothing for.
     """
+    accumulated_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
+    single_m = None if batch.depth_single_m is None else without_narrow_sky(batch.depth_single_m, config.sky_margin_px)
     total = accumulated_m.new_zeros(())
-    accumulated_m = without_narrow_sky(accumulated_m, config.sky_margin_px)
-    single_m = None if single_m is None else without_narrow_sky(single_m, config.sky_margin_px)
-    association = choice = accumulated = log_depth = road = confidence = total
+    parts = dict.fromkeys(("association", "choice", "dense", "log_depth", "road", "confidence"), total)
     if outputs.association is not None:
-        association = association_loss(outputs.association, accumulated_m, config, ranks)
-        total = total + config.association * association
-    if outputs.depths is None or outputs.confidence_logit is None:
-        return Losses(total, association.detach(), choice.detach(), accumulated, log_depth, road, confidence)
-    if outputs.candidates is not None:
-        choice = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config, ranks)
-        total = total + config.choice * choice
-    if outputs.road_m is not None:
-        road = road_loss(outputs.road_m, accumulated_m, classes, ranks)
-        total = total + config.road * road
-    dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
-    accumulated = dense_loss(dense_m, accumulated_m, max_depth_m, config, ranks)
-    single = accumulated
-    # Whether a part of a batch has a single scan's truth differs, but all processes must sum up as often as the others.
-    if single_m is not None or ranks.size > 1:
-        single = dense_loss(dense_m, accumulated_m if single_m is None else single_m, max_depth_m, config, ranks)
-    confidence = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config, ranks)
-    total = total + config.accumulated * accumulated + config.single * single + config.confidence * confidence
-    if config.log_depth > 0:
-        log_depth = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
-        total = total + config.log_depth * log_depth
-    return Losses(
-        total,
-        association.detach(),
-        choice.detach(),
-        accumulated.detach(),
-        log_depth.detach(),
-        road.detach(),
-        confidence.detach(),
-    )
+        parts["association"] = association_loss(outputs.association, accumulated_m, config, ranks)
+        total = total + config.association * parts["association"]
+    if outputs.depths is not None and outputs.confidence_logit is not None:
+        if outputs.candidates is not None:
+            parts["choice"] = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config, ranks)
+        if outputs.road_m is not None:
+            parts["road"] = road_loss(outputs.road_m, accumulated_m, batch.classes, ranks)
+        dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
+        parts["dense"] = single = dense_loss(dense_m, accumulated_m, max_depth_m, config, ranks)
+        # Whether a part of a batch has a single scan's truth differs, but all processes must sum up as often as the
+        # others.
+        if single_m is not None or ranks.size > 1:
+            single = dense_loss(dense_m, accumulated_m if single_m is None else single_m, max_depth_m, config, ranks)
+        parts["confidence"] = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config, ranks)
+        if config.log_depth > 0:
+            parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
+        total = total + config.choice * parts["choice"] + config.road * parts["road"] + config.single * single
+        total = total + config.accumulated * parts["dense"] + config.confidence * parts["confidence"]
+        total = total + config.log_depth * parts["log_depth"]
+    return total, {name: value.detach() for name, value in parts.items()}
 
 
 def _mean(values: Tensor, weight: Tensor, ranks: Ranks) -> Tensor:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from radcam_depth_ros.training.augmentation import AugmentationConfig
-from radcam_depth_ros.training.losses import LossConfig
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.rehearsal import RehearsalConfig
 from radcam_depth_ros.training.samples import TrainingError
@@ -127,7 +126,7 @@ class TrainingConfig:
         tensorboard: Write the losses for TensorBoard as well.
         stages: Crops, and which parts learn.
         optimiser: Optimiser.
-        loss: Losses.
+        loss: Weights and thresholds of the network's losses that differ from their defaults, see `criterion`.
         augmentation: Augmentation.
         validation: Validation.
         rehearsal: What is repeated of a former training.
@@ -147,7 +146,7 @@ class TrainingConfig:
     tensorboard: bool = False
     stages: tuple[StageConfig, ...] = (StageConfig(1.0, ((320, 256), (224, 384)), 4),)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
-    loss: LossConfig = field(default_factory=LossConfig)
+    loss: Mapping[str, Any] = field(default_factory=dict)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     validation: ValidationConfig = field(default_factory=ValidationConfig)
     rehearsal: RehearsalConfig = field(default_factory=RehearsalConfig)

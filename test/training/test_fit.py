@@ -13,11 +13,10 @@ from small_training import CONFIG, Miniature, Watch, data_of
 from torch import Tensor
 
 from radcam_depth_ros.networks import TrainOutputs, archive, registry
-from radcam_depth_ros.training import fit
+from radcam_depth_ros.training import criterion, fit
 from radcam_depth_ros.training.augmentation import AugmentationConfig
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
-from radcam_depth_ros.training.losses import LossConfig
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
 from radcam_depth_ros.training.rehearsal import RehearsalConfig
@@ -28,6 +27,7 @@ from radcam_depth_ros.training.validation import ValidationResult
 @pytest.fixture(autouse=True)
 def _with_miniature(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(registry._NETWORKS, "miniature", Miniature)
+    monkeypatch.setitem(criterion._KINDS, "miniature", criterion._KINDS["baff"])
 
 
 @pytest.fixture
@@ -202,7 +202,7 @@ def test_lines_of_a_run_that_was_cut_off_are_dropped(tmp_path: Path, data: Train
 
 def test_gradients_that_are_not_finite_end_a_run(tmp_path: Path, data: TrainingData) -> None:
     # Infinite weights of a loss stand for whatever makes a gradient infinite.
-    config = dataclasses.replace(CONFIG, iterations=100, loss=LossConfig(accumulated=math.inf))
+    config = dataclasses.replace(CONFIG, iterations=100, loss={"accumulated": math.inf})
     with pytest.raises(TrainingError, match=r"not finite in 10 iterations.*learning rate"):
         run(data, tmp_path / "run", config)
 

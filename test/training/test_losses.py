@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from radcam_depth_ros.networks import Association, Candidates, Depths, TrainOutputs
+from radcam_depth_ros.training.batches import Batch
 from radcam_depth_ros.training.losses import (
     LossConfig,
     association_loss,
@@ -176,15 +177,23 @@ def test_choice_takes_the_sky_for_the_farthest_depth_and_leaves_unknown_pixels_o
 def test_parts_that_do_not_learn_cost_nothing() -> None:
     whole = outputs()
     truth = torch.full((1, 1, 1, 2), 10.0)
-    stage_1 = total_loss(TrainOutputs(None, None, whole.association, None, None), truth, None, UNKNOWN, 100.0, CONFIG)
-    stage_2 = total_loss(whole._replace(association=None), truth, None, UNKNOWN, 100.0, CONFIG)
-    assert float(stage_1.total) == pytest.approx(entropy(0, True), rel=1e-6)
-    assert float(stage_1.dense) == 0.0
-    assert float(stage_2.association) == 0.0
-    assert float(stage_2.total) == pytest.approx(3.0 + 0.25 * entropy(0, False), rel=1e-6)
+    stage_1, parts_1 = total_loss(
+        TrainOutputs(None, None, whole.association, None, None), batch_of(truth), 100.0, CONFIG
+    )
+    stage_2, parts_2 = total_loss(whole._replace(association=None), batch_of(truth), 100.0, CONFIG)
+    assert float(stage_1) == pytest.approx(entropy(0, True), rel=1e-6)
+    assert float(parts_1["dense"]) == 0.0
+    assert float(parts_2["association"]) == 0.0
+    assert float(stage_2) == pytest.approx(3.0 + 0.25 * entropy(0, False), rel=1e-6)
 
 
-UNKNOWN = torch.full((1, 1, 2), 255, dtype=torch.uint8)
+def batch_of(accumulated_m: torch.Tensor, single_m: torch.Tensor | None = None) -> Batch:
+    """Ground truth alone; classes are unknown."""
+    nothing = torch.empty(0)
+    classes = torch.full((1, *accumulated_m.shape[2:]), 255, dtype=torch.uint8)
+    return Batch(nothing, nothing, nothing, nothing, accumulated_m, single_m, classes)
+
+
 CONFIG = LossConfig(accumulated=1.0, single=1.0, log_depth=0.0, confidence=0.25, positive_weight=1.0)
 
 
@@ -200,11 +209,11 @@ def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
         association=0.5, accumulated=1.0, single=2.0, log_depth=0.0, confidence=0.25, positive_weight=1.0
     )
     association, confidence = 0.5 * entropy(0, True), 0.25 * entropy(0, False)
-    one = total_loss(outputs(), accumulated, None, UNKNOWN, 100.0, config)
-    assert float(one.total) == pytest.approx(association + confidence + 3 * 1.5, rel=1e-6)
-    two = total_loss(outputs(), accumulated, single, UNKNOWN, 100.0, config)
-    assert float(two.total) == pytest.approx(association + confidence + 1.5 + 2 * 0.5, rel=1e-6)
-    assert one.values()["dense"] == pytest.approx(1.5)
+    one, parts = total_loss(outputs(), batch_of(accumulated), 100.0, config)
+    assert float(one) == pytest.approx(association + confidence + 3 * 1.5, rel=1e-6)
+    two, _ = total_loss(outputs(), batch_of(accumulated, single), 100.0, config)
+    assert float(two) == pytest.approx(association + confidence + 1.5 + 2 * 0.5, rel=1e-6)
+    assert float(parts["dense"]) == pytest.approx(1.5)
 
 
 def test_the_road_is_judged_on_the_ground() -> None:

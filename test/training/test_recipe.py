@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.networks import registry
+from radcam_depth_ros.training.criterion import Criterion
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.recipe import FINE_TUNING, OptimiserConfig, StageConfig, TrainingConfig
 from radcam_depth_ros.training.samples import TrainingError
@@ -18,11 +20,14 @@ def test_shipped_recipes_fit_their_networks(path: Path) -> None:
     recipe = configuration.load(TrainingConfig, path)
     network = "baff" if path.stem == "fine_tune" else path.stem
     assert registry.create_config(network, recipe.architecture)
+    assert Criterion.of(network, recipe.loss)
 
 
 def test_the_shipped_recipe_of_baff_is_the_default() -> None:
     recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == "baff"))
-    assert configuration.as_mapping(recipe) == configuration.as_mapping(TrainingConfig())
+    known = dataclasses.replace(recipe, loss={})
+    assert configuration.as_mapping(known) == configuration.as_mapping(TrainingConfig())
+    assert Criterion.of("baff", recipe.loss) == Criterion.of("baff", {})
 
 
 def test_the_shipped_recipe_of_fine_tuning_is_that_of_initial_weights() -> None:
@@ -57,6 +62,7 @@ def test_learning_rates() -> None:
         ({"stages": [{"share": 1, "crops": [[64, 64]], "batch": 0}]}, "a batch"),
         ({"optimiser": {"schedule": "linear"}}, "cosine"),
         ({"optimiser": {"learning_rate": -1}}, "learning_rate"),
+        ({"optimiser": {"part_rates": {"road": -1}}}, "part_rates must not be negative, got -1"),
         ({"precision": "float16"}, "precision"),
         ({"validation": {"frames": 0}}, "validation needs"),
         ({"iterations": 0}, "at least 1"),
