@@ -185,7 +185,9 @@ class Estimator:
             EstimatorError: when the network's depth is not finite.
         """
         frame, plan = inputs.frame, inputs.plan
-        dense, semi_dense, confidence = (values[0, 0].numpy() for values in depths)
+        dense, semi_dense, confidence = (
+            values[0, 0].numpy() for values in (depths.dense, depths.semi_dense, depths.confidence)
+        )
         # At the network's size: what is made of finite values between them is finite as well.
         if not np.isfinite(dense).all():
             raise EstimatorError("the network gave a depth that is not finite; its weights do not fit these inputs")
