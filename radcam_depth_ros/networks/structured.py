@@ -103,12 +103,11 @@ class RadarEncoder(nn.Module):
     def __init__(self, blocks: tuple[int, ...], channels: tuple[int, ...]) -> None:
         super().__init__()
         # At 1/2, where the image branch's residual blocks begin as well; figure 7 enlarges the coarse depth, too.
-        self.sparse = nn.ModuleList(
-            [SparseConv(1, channels[0], 7, stride=2)]
-            + [SparseConv(channels[0], channels[0], side) for side in (5, 3, 3)]
-        )
+        width = channels[0]
+        others = (SparseConv(width, width, side) for side in (5, 3, 3))
+        self.sparse = nn.ModuleList([SparseConv(1, width, 7, stride=2), *others])
         self.activation = nn.ReLU()
-        self.coarse = SparseConv(channels[0], 1, 1)
+        self.coarse = SparseConv(width, 1, 1)
         self.residual = Stages(blocks, channels)
 
     def forward(self, plane: Tensor, known: Tensor) -> tuple[Tensor, Tensor, Tensor]:
