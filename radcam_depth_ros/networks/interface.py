@@ -108,5 +108,9 @@ class Network(nn.Module):
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
-        """A NamedTuple of the network's own, with what its losses need."""
+        """The forward pass with what losses need; arguments as in `forward`.
+
+        Returns:
+            A NamedTuple of the network's own, with what its losses need.
+        """
         raise TypeError(f"{type(self).__name__} cannot be trained: it does not define train_outputs")

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
-from radcam_depth_ros.training.masked import masked_mean
+from radcam_depth_ros.training.masked import ALONE, masked_mean
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
 
@@ -21,8 +21,6 @@ FARTHEST_ROAD_M = 60.0
 
 ROAD_TOLERANCE = 0.2
 """Difference of the logarithms up to which a pixel of unknown class is taken for ground."""
-
-ALONE = Ranks()
 
 
 @dataclass(frozen=True)

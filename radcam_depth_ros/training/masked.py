@@ -1,4 +1,4 @@
-"""Means over the pixels that count, in which every sample of a batch has the same say."""
+"""Means over what is known."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from radcam_depth_ros.training.ranks import Ranks
 LEAST_SHARE = 0.001
 """Share of a sample's pixels from which on it counts in full: a scan of 16 beams knows one in a hundred."""
 
+ALONE = Ranks()
 
-def masked_mean(values: Tensor, weight: Tensor, ranks: Ranks) -> Tensor:
+
+def masked_mean(values: Tensor, weight: Tensor, ranks: Ranks = ALONE) -> Tensor:
     """Mean over the samples of each sample's weighted mean.
 
     A frame with a LiDAR's thousand pixels counts as much as a simulated one that knows them all: among rehearsed drives
