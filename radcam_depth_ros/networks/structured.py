@@ -184,11 +184,12 @@ class Structured(Network):
 
     def _estimate(self, image: Tensor, radar: Tensor, valid: Tensor) -> StructuredOutputs:
         size = (image.shape[2], image.shape[3])
+        image_map = self.image_encoder(image)[4]
         drawn = draw_nearest(radar, valid, size[0], size[1], 1)
         plane = torch.where(drawn > 0, depth_to_plane(drawn, self.min_depth_m, self.max_depth_m), drawn)
         known = (drawn > 0).to(image.dtype)
         radar_map, coarse_logit, reached = self.radar_encoder(plane.to(image.dtype), known)
-        joined = self.join(torch.cat([self.image_encoder(image)[4], radar_map], dim=1))
+        joined = self.join(torch.cat([image_map, radar_map], dim=1))
         features: list[Tensor] = []
         results: list[Tensor] = []
         for decoder in self.decoders:
