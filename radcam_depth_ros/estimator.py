@@ -192,6 +192,7 @@ class Estimator:
         if not np.isfinite(dense).all():
             raise EstimatorError("the network gave a depth that is not finite; its weights do not fit these inputs")
         camera = plan.scaled if self.config.output_size == "network" else plan.source
+        classes = depths.classes
         return DepthResult(
             frame.stamp_ns,
             frame.frame_id,
@@ -200,4 +201,5 @@ class Estimator:
             enlarge_nearest(semi_dense, plan, camera),
             enlarge_smooth(confidence, plan, camera),
             len(inputs.radar),
+            None if classes is None else enlarge_nearest(classes[0, 0].numpy(), plan, camera),
         )
