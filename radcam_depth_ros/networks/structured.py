@@ -5,6 +5,7 @@ numbers in comments are of that paper.
 """
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import torch
@@ -144,6 +145,7 @@ class Structured(Network):
     )
     backbones = ("image_encoder",)
     adjustable = ("threshold",)
+    paper = MappingProxyType({"fusion": "seg", "backbone": "resnet34"})
     group_of_class: Tensor
 
     def __init__(self, config: StructuredConfig) -> None:
