@@ -185,11 +185,14 @@ class Estimator:
             EstimatorError: when the network's depth is not finite.
         """
         frame, plan = inputs.frame, inputs.plan
-        dense, semi_dense, confidence = (values[0, 0].numpy() for values in depths)
+        dense, semi_dense, confidence = (
+            values[0, 0].numpy() for values in (depths.dense, depths.semi_dense, depths.confidence)
+        )
         # At the network's size: what is made of finite values between them is finite as well.
         if not np.isfinite(dense).all():
             raise EstimatorError("the network gave a depth that is not finite; its weights do not fit these inputs")
         camera = plan.scaled if self.config.output_size == "network" else plan.source
+        classes = depths.classes
         return DepthResult(
             frame.stamp_ns,
             frame.frame_id,
@@ -198,4 +201,5 @@ class Estimator:
             enlarge_nearest(semi_dense, plan, camera),
             enlarge_smooth(confidence, plan, camera),
             len(inputs.radar),
+            None if classes is None else enlarge_nearest(classes[0, 0].numpy(), plan, camera),
         )

@@ -236,6 +236,7 @@ class DepthResult:
         semi_dense: (H, W) float32 metres, NaN where no radar return was associated.
         confidence: (H, W) float32, 0 to 1.
         radar_in_view: Number of radar returns that the network was given.
+        classes: (H, W) uint8, what a pixel shows, as `classes.CLASS_NAMES`; None of a network that does not tell.
     """
 
     stamp_ns: int
@@ -245,6 +246,7 @@ class DepthResult:
     semi_dense: FloatArray
     confidence: FloatArray
     radar_in_view: int
+    classes: ImageArray | None = None
 
     def __post_init__(self) -> None:
         expected = (self.camera.height, self.camera.width)
@@ -252,3 +254,5 @@ class DepthResult:
             image = getattr(self, name)
             if image.shape != expected or image.dtype != np.float32:
                 raise FrameError(f"{name} must be {expected} float32, got {image.shape} {image.dtype}")
+        if self.classes is not None and (self.classes.shape != expected or self.classes.dtype != np.uint8):
+            raise FrameError(f"classes must be {expected} uint8, got {self.classes.shape} {self.classes.dtype}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import array
 import functools
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FloatArray, ImageArray, Lens
 from radcam_depth_ros.geometry import CanonicalCamera
+
+ValueT = TypeVar("ValueT", np.float32, np.uint8)
 
 _ROUNDING_PX = 1e-3
 
@@ -116,22 +118,22 @@ def enlarge_smooth(values: FloatArray, plan: CanonicalCamera, camera: CameraMode
     network = plan.network
     if values.shape != (network.height, network.width):
         values = cv2.resize(values, (network.width, network.height), interpolation=cv2.INTER_LINEAR)
-    result = _outgoing(camera)
+    result: FloatArray = _outgoing(camera, np.dtype(np.float32))
     seen = values[: plan.scaled.height, : plan.scaled.width]
     cv2.resize(seen, (camera.width, camera.height), dst=result, interpolation=cv2.INTER_LINEAR)
     return result
 
 
-def enlarge_nearest(values: FloatArray, plan: CanonicalCamera, camera: CameraModel) -> FloatArray:
+def enlarge_nearest(values: npt.NDArray[ValueT], plan: CanonicalCamera, camera: CameraModel) -> npt.NDArray[ValueT]:
     """Brings a map of the network's to the size of a camera; each pixel takes the nearest value, NaN stays as it is.
 
     Args:
-        values: As in `enlarge_smooth`, but may hold NaN.
+        values: As in `enlarge_smooth`, but may hold NaN, or be numbers of classes, uint8.
         plan: The plan.
         camera: As in `enlarge_smooth`.
 
     Returns:
-        As in `enlarge_smooth`.
+        As in `enlarge_smooth`, of the type of `values`.
     """
     height, width = values.shape
     row_scale = plan.scaled.height / plan.network.height * height / camera.height
@@ -139,12 +141,12 @@ def enlarge_nearest(values: FloatArray, plan: CanonicalCamera, camera: CameraMod
     rows = ((np.arange(camera.height) + 0.5) * row_scale).astype(np.intp)
     columns = ((np.arange(camera.width) + 0.5) * column_scale).astype(np.intp)
     # The small map becomes wide before it becomes high: whole rows are copied then. "clip" spares numpy a second copy.
-    result = _outgoing(camera)
+    result: npt.NDArray[ValueT] = _outgoing(camera, values.dtype)
     values.take(columns, axis=1).take(rows, axis=0, out=result, mode="clip")
     return result
 
 
-def _outgoing(camera: CameraModel) -> FloatArray:
-    """Memory for an image, (H, W) float32, as an array.array: rclpy's messages take such a one without copying."""
-    memory = array.array("B", b"\0") * (4 * camera.height * camera.width)
-    return np.frombuffer(memory, np.float32).reshape(camera.height, camera.width)
+def _outgoing(camera: CameraModel, dtype: np.dtype[ValueT]) -> npt.NDArray[ValueT]:
+    """Memory for an image, (H, W), as an array.array: rclpy's messages take such a one without copying."""
+    memory = array.array("B", b"\0") * (dtype.itemsize * camera.height * camera.width)
+    return np.frombuffer(memory, dtype).reshape(camera.height, camera.width)

@@ -50,6 +50,16 @@ class GivesCoarseMaps(nn.Module):
         return Depths(dense, semi_dense, dense)
 
 
+class GivesClasses(nn.Module):
+    """A car in the image's upper left quarter, road elsewhere."""
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        dense = torch.full_like(image[:, :1], 7.0)
+        classes = torch.zeros_like(dense, dtype=torch.uint8)
+        classes[:, :, : image.shape[2] // 2, : image.shape[3] // 2] = 13
+        return Depths(dense, dense, dense, classes)
+
+
 class GivesNaN(nn.Module):
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
         dense = image[:, :1] * float("nan")
@@ -139,6 +149,17 @@ def test_maps_of_a_quarter_of_the_size() -> None:
     assert (result.dense == 7).all()
     assert (result.semi_dense[4:8, 8:12] == 5).all()
     assert np.isfinite(result.semi_dense).sum() == 16  # NaN does not bleed, nor do values
+
+
+def test_classes_come_at_the_cameras_size_and_are_never_blended() -> None:
+    camera = CameraModel(128, 64, 2 * FOCAL, 2 * FOCAL, 64, 32)
+    image = np.zeros((64, 128, 3), np.uint8)
+    classes = estimator(GivesClasses()).estimate(frame(camera, image)).classes
+    assert classes is not None
+    expected = np.zeros((64, 128), np.uint8)
+    expected[:32, :64] = 13
+    np.testing.assert_array_equal(classes, expected, strict=True)
+    assert estimator(GivesTheRoad()).estimate(frame(camera, image)).classes is None
 
 
 def test_a_network_that_gives_nonsense_is_refused() -> None:

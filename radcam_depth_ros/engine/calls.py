@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor, nn
 
@@ -32,12 +34,18 @@ def forward(
         layout: Memory format of the image that the network is given.
 
     Returns:
-        Depths in float32, on the same device.
+        Depths on the same device, in float32 but for the classes.
     """
     # bfloat16 holds 0 to 255 exactly, so the division is what rounds.
     pixels = image.permute(2, 0, 1).unsqueeze(0).to(dtype, memory_format=layout) / 255.0
-    depths = network(pixels, radar.unsqueeze(0), valid.unsqueeze(0), ground.unsqueeze(0))
-    return Depths(*(maps.float() for maps in depths))
+    depths = Depths(*network(pixels, radar.unsqueeze(0), valid.unsqueeze(0), ground.unsqueeze(0)))
+    return each(depths, lambda maps: maps.float() if maps.is_floating_point() else maps)
+
+
+def each(depths: Depths, change: Callable[[Tensor], Tensor]) -> Depths:
+    """Depths with every map changed; what a network does not give stays away."""
+    classes = None if depths.classes is None else change(depths.classes)
+    return Depths(change(depths.dense), change(depths.semi_dense), change(depths.confidence), classes)
 
 
 class PlainCalls:
@@ -69,7 +77,7 @@ class PlainCalls:
             image, radar, ground = (tensor.to(self._device) for tensor in (image, radar, ground))
             valid = torch.ones(len(radar), dtype=torch.bool, device=self._device)
             depths = forward(self._network, image, radar, valid, ground, self._dtype, self._layout)
-            return Depths(*(maps.cpu() for maps in depths))
+            return each(depths, torch.Tensor.cpu)
 
     def warm_up(self, height: int, width: int) -> None:
         """Runs frames of that size until the network is specialised; at once where it is."""

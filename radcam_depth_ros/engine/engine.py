@@ -80,8 +80,9 @@ class Engine:
             ground: (4,) float32 on the CPU: the flat road, as the network's interface has it.
 
         Returns:
-            float32 on the CPU: `dense` and `confidence` (1, 1, H, W); `semi_dense` (1, 1, h, w) may be smaller by a
-            whole factor. The memory is the caller's: later frames do not write it.
+            On the CPU, float32: `dense` and `confidence` (1, 1, H, W); `semi_dense` (1, 1, h, w) may be smaller by a
+            whole factor; and `classes` (1, 1, H, W) uint8 where the network gives them. The memory is the caller's:
+            later frames do not write it.
         """
         return self._calls.run(image, radar, ground)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from radcam_depth_ros.engine.calls import PlainCalls, blank_frame, forward
+from radcam_depth_ros.engine.calls import PlainCalls, blank_frame, each, forward
 from radcam_depth_ros.networks import Depths
 
 MIN_RETURNS = 64
@@ -135,11 +135,9 @@ class CudaGraphs:
             copies.wait_stream(compute)
             with torch.cuda.stream(copies):
                 # torch keeps pinned memory that is freed, so this does not pin anew for each frame.
-                results = [torch.empty(maps.shape, pin_memory=True) for maps in captured.outputs]
-                for result, maps in zip(results, captured.outputs, strict=True):
-                    result.copy_(maps, non_blocking=True)
+                results = each(captured.outputs, _download)
             copies.synchronize()
-            return Depths(*results)
+            return results
 
     def _capture(self, height: int, width: int, count: int) -> Captured:
         """Runs the network until it is settled, then records it; RuntimeError where it cannot be recorded."""
@@ -160,3 +158,8 @@ class CudaGraphs:
                 outputs = forward(self._network, *inputs.device, self._dtype)
             copies = torch.cuda.Stream(self._device)  # type: ignore[no-untyped-call]  # torch leaves it without types
             return Captured(inputs, graph, outputs, copies)
+
+
+def _download(maps: Tensor) -> Tensor:
+    """Starts a copy to the host."""
+    return torch.empty(maps.shape, dtype=maps.dtype, pin_memory=True).copy_(maps, non_blocking=True)

@@ -4,42 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES
 from radcam_depth_ros.evaluation.metrics import DepthMetrics, DepthRange, FrameMean, measure_labels
 from radcam_depth_ros.frame import FloatArray, ImageArray
-
-CLASS_NAMES = (
-    *(
-        "road",
-        "sidewalk",
-        "building",
-        "wall",
-        "fence",
-        "pole",
-        "traffic light",
-        "traffic sign",
-        "vegetation",
-        "terrain",
-    ),
-    *("sky", "person", "rider", "car", "truck", "bus", "train", "motorcycle", "bicycle"),
-)
-"""The 19 classes of Cityscapes in the order of their training ids."""
-CLASS_GROUPS = {
-    "sky": ("sky",),
-    "trees and buildings": (
-        "building",
-        "wall",
-        "fence",
-        "pole",
-        "traffic light",
-        "traffic sign",
-        "vegetation",
-    ),
-    "road, people and vehicles": (
-        *("road", "sidewalk", "terrain", "person", "rider"),
-        *("car", "truck", "bus", "train", "motorcycle", "bicycle"),
-    ),
-}
-"""The three categories of a driving scene (Sensors 2023, section 3), made of the 19 classes by what is like what."""
 
 
 class ClassMeans:

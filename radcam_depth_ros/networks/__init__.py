@@ -3,6 +3,7 @@
 from radcam_depth_ros.networks.baff import Baff, BaffConfig
 from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Association, Candidates, Depths, Network, TrainOutputs
 from radcam_depth_ros.networks.registry import ArchitectureError, create, names
+from radcam_depth_ros.networks.structured import Structured, StructuredConfig, StructuredOutputs
 
 __all__ = [
     "RADAR_COLUMNS",
@@ -13,6 +14,9 @@ __all__ = [
     "Candidates",
     "Depths",
     "Network",
+    "Structured",
+    "StructuredConfig",
+    "StructuredOutputs",
     "TrainOutputs",
     "create",
     "names",

@@ -12,7 +12,7 @@ def folded(network: nn.Module, dtype: torch.dtype = torch.float32, device: torch
 
     Args:
         network: Any module; it is left as it is. Where a convolution and its batch norm are neighbours in an
-            `nn.Sequential`, they become one; other batch norms stay.
+            `nn.Sequential`, or named `conv1` and `bn1` as in a ResNet, they become one; other batch norms stay.
         dtype: Of the copy's weights, rounded once, after folding.
         device: Where the copy is.
 
@@ -23,6 +23,8 @@ def folded(network: nn.Module, dtype: torch.dtype = torch.float32, device: torch
     for module in result.modules():
         if isinstance(module, nn.Sequential):
             _fold_members(module)
+        else:
+            _fold_numbered(module)
     # Convolutions on a CPU run about a third faster with channels last.
     return result.to(device=device, dtype=dtype, memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]  # torch's types lack the last
 
@@ -30,6 +32,16 @@ def folded(network: nn.Module, dtype: torch.dtype = torch.float32, device: torch
 def _fold_members(members: nn.Sequential) -> None:
     for index in range(len(members) - 1):
         convolution, norm = members[index], members[index + 1]
-        if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
-            members[index] = fuse_conv_bn_eval(convolution, norm)
+        if isinstance(convolution, nn.Conv2d | nn.ConvTranspose2d) and isinstance(norm, nn.BatchNorm2d):
+            is_transposed = isinstance(convolution, nn.ConvTranspose2d)
+            members[index] = fuse_conv_bn_eval(convolution, norm, is_transposed)
             members[index + 1] = nn.Identity()
+
+
+def _fold_numbered(block: nn.Module) -> None:
+    members = dict(block.named_children())
+    for name, norm in members.items():
+        convolution = members.get(name.replace("bn", "conv", 1))
+        if isinstance(convolution, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+            setattr(block, name.replace("bn", "conv", 1), fuse_conv_bn_eval(convolution, norm))
+            setattr(block, name, nn.Identity())

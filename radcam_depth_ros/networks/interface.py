@@ -24,16 +24,19 @@ RADAR_COLUMNS = ("u_px", "v_px", "depth_m", "rcs_dbsm", "radial_speed_mps", "age
 
 
 class Depths(NamedTuple):
-    """What every network returns; each (B, 1, H, W) float32.
+    """What every network returns; each (B, 1, H, W), float32 but for `classes`.
 
     dense: metres within the network's depth range, everywhere.
     semi_dense: metres where a radar return was associated, NaN elsewhere.
     confidence: probability that `dense` is within 10 % of the true depth.
+    classes: what a pixel shows, uint8, the training ids of Cityscapes (`classes.CLASS_NAMES`); None of a network that
+        does not tell.
     """
 
     dense: Tensor
     semi_dense: Tensor
     confidence: Tensor
+    classes: Tensor | None = None
 
 
 class Association(NamedTuple):
@@ -62,7 +65,7 @@ class Candidates(NamedTuple):
 
 
 class TrainOutputs(NamedTuple):
-    """What training needs of a network: the depths, and what its other losses are made from.
+    """What training needs of `baff`: the depths, and what its other losses are made from.
 
     `road_m` is the depth of the road as the network corrected it, (B, 1, h, w) with the image's size or smaller by a
     whole factor.

@@ -43,7 +43,14 @@ class MobileNetV2(nn.Module):
 
     Args:
         groups: How many groups of `SETTINGS`: 7 are all, 5 end at a stride of 16.
+
+    Attributes:
+        checkpoint: torchvision's name of the checkpoint that fits.
+        left_out: What the names of entries begin with that a checkpoint may have besides.
     """
+
+    checkpoint = "mobilenet_v2"
+    left_out = ("features.", "classifier.")
 
     def __init__(self, groups: int = 7) -> None:
         super().__init__()

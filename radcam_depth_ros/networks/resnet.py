@@ -68,13 +68,19 @@ class ResNet(Stages):
 
     Args:
         blocks: `RESNET_18` or `RESNET_34`.
+
+    Attributes:
+        checkpoint: torchvision's name of the checkpoint that fits.
+        left_out: What the names of entries begin with that a checkpoint may have besides.
     """
 
+    left_out = ("fc.",)
     mean: Tensor
     deviation: Tensor
 
     def __init__(self, blocks: tuple[int, ...]) -> None:
         super().__init__(blocks)
+        self.checkpoint = f"resnet{2 * sum(blocks) + 2}"
         self.conv1 = nn.Conv2d(3, CHANNELS[0], 7, 2, 3, bias=False)
         self.bn1 = nn.BatchNorm2d(CHANNELS[0])
         self.relu = nn.ReLU(inplace=True)

@@ -12,17 +12,19 @@ class SparseConv(nn.Module):
         in_channels: Channels of the input.
         out_channels: Channels of the result.
         kernel: Side of the window, odd.
+        stride: Divides the size.
     """
 
-    def __init__(self, in_channels: int, out_channels: int, kernel: int) -> None:
+    def __init__(self, in_channels: int, out_channels: int, kernel: int, stride: int = 1) -> None:
         super().__init__()
-        self.conv = nn.Conv2d(in_channels, out_channels, kernel, padding=kernel // 2, bias=False)
+        self.conv = nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, bias=False)
         self.bias = nn.Parameter(torch.zeros(out_channels))
         self.kernel = kernel
+        self.stride = stride
 
     def forward(self, x: Tensor, known: Tensor) -> tuple[Tensor, Tensor]:
         """Takes (B, C, H, W) and (B, 1, H, W), 1 where it is known, to the same; what a window reaches is known."""
-        count = functional.avg_pool2d(known, self.kernel, 1, self.kernel // 2)
+        count = functional.avg_pool2d(known, self.kernel, self.stride, self.kernel // 2)
         x = self.conv(x * known) / count.clamp(min=1.0 / (self.kernel * self.kernel))
         x = x / float(self.kernel * self.kernel) + self.bias.reshape(1, -1, 1, 1)
-        return x, functional.max_pool2d(known, self.kernel, 1, self.kernel // 2)
+        return x, functional.max_pool2d(known, self.kernel, self.stride, self.kernel // 2)

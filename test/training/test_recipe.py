@@ -71,7 +71,6 @@ def test_learning_rates() -> None:
         ({"initial_share": 1.0}, "initial_share at least 0"),
         ({"rehearsal": {"share": 1.0}}, "a share of at least 0 and below 1"),
         ({"rehearsal": {"tolerance": -0.1}}, "a tolerance of at least 0, got .* and -0.1"),
-        ({"optimiser": {"part_rates": {"road": -1}}}, "part_rates must not be negative, got -1"),
         ({"rehearsal": {"frames": 10}}, "frames for two drives"),
         ({"rehearsal": {"first_seed": 999_990}}, "kept for measuring"),
         ({"augmentation": {"focal_jitter": 0.7}}, "focal_jitter 0 to 0.5, got 0.5 and 0.7"),
