@@ -104,6 +104,10 @@ class Network(nn.Module):
         self.config = config
 
     @torch.jit.unused
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
-        """The forward pass with what losses need; arguments as in `forward`."""
+    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
+        """The forward pass with what losses need; arguments as in `forward`.
+
+        Returns:
+            A NamedTuple of the network's own, with what its losses need.
+        """
         raise TypeError(f"{type(self).__name__} cannot be trained: it does not define train_outputs")

@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
+from radcam_depth_ros.training.masked import ALONE, masked_mean
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
 
@@ -20,11 +21,6 @@ FARTHEST_ROAD_M = 60.0
 
 ROAD_TOLERANCE = 0.2
 """Difference of the logarithms up to which a pixel of unknown class is taken for ground."""
-
-LEAST_SHARE = 0.001
-"""Share of a sample's pixels from which on it counts in full: a scan of 16 beams knows one in a hundred."""
-
-ALONE = Ranks()
 
 
 @dataclass(frozen=True)
@@ -142,7 +138,7 @@ def association_loss(association: Association, truth_m: Tensor, config: LossConf
     positive = ((truth - depth).abs() < tolerance).expand_as(logits)
     weight = torch.where(positive, config.positive_weight, 1.0)
     entropy = functional.binary_cross_entropy_with_logits(logits.float(), positive.float(), weight, reduction="none")
-    return _mean(entropy, counts.expand_as(logits), ranks)
+    return masked_mean(entropy, counts.expand_as(logits), ranks)
 
 
 def choice_loss(
@@ -164,7 +160,7 @@ def choice_loss(
     logits = candidates.logits.float()
     distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
     likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
-    return _mean(-likelihood, weight, ranks)
+    return masked_mean(-likelihood, weight, ranks)
 
 
 def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
@@ -188,7 +184,7 @@ def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = A
     near = difference.detach() < ROAD_TOLERANCE
     # A plane has no business where the ground leaves it by half: a bank, a hole, another road.
     counts &= torch.where(label == UNKNOWN_CLASS, near, ground & (difference.detach() < 0.7))
-    return _mean(difference, counts, ranks)
+    return masked_mean(difference, counts, ranks)
 
 
 def _at(truth_m: Tensor, rows: int) -> Tensor:
@@ -234,14 +230,14 @@ def dense_loss(
     in_range = (truth_m > 0) & ~beyond
     target = torch.where(in_range, truth_m, max_depth_m)
     error = functional.smooth_l1_loss(dense_m, target, reduction="none", beta=config.smooth_l1_beta_m)
-    return _mean(error, in_range, ranks) + config.sky * _mean(error, beyond, ranks)
+    return masked_mean(error, in_range, ranks) + config.sky * masked_mean(error, beyond, ranks)
 
 
 def log_depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Ranks = ALONE) -> Tensor:
     """Mean absolute difference of the logarithms, over the pixels with a surface in range; shapes as `dense_loss`."""
     in_range = (truth_m > 0) & (truth_m <= max_depth_m)
     difference = (torch.log(dense_m) - torch.log(torch.where(in_range, truth_m, 1.0))).abs()
-    return _mean(difference, in_range, ranks)
+    return masked_mean(difference, in_range, ranks)
 
 
 def confidence_loss(
@@ -251,7 +247,7 @@ def confidence_loss(
     in_range = (truth_m > 0) & (truth_m <= max_depth_m)
     right = (dense_m.detach() - truth_m).abs() < config.confidence_tolerance * truth_m
     entropy = functional.binary_cross_entropy_with_logits(logit, right.float(), reduction="none")
-    return _mean(entropy, in_range, ranks)
+    return masked_mean(entropy, in_range, ranks)
 
 
 def total_loss(
@@ -309,21 +305,3 @@ def total_loss(
         road.detach(),
         confidence.detach(),
     )
-
-
-def _mean(values: Tensor, weight: Tensor, ranks: Ranks) -> Tensor:
-    """Mean over the samples of each sample's weighted mean.
-
-    A frame with a LiDAR's thousand pixels counts as much as a simulated one that knows them all: among rehearsed drives
-    it would hardly be heard otherwise. What knows less than `LEAST_SHARE` of its pixels counts accordingly less.
-
-    Args:
-        values: (B, ...); what weighs nothing may be NaN.
-        weight: The same shape, bool or not negative.
-        ranks: As in `association_loss`.
-    """
-    known = weight.flatten(1).sum(dim=1)
-    # torch.where, not a product alone: what does not count may be NaN.
-    total = (torch.where(weight > 0, values, 0.0) * weight).flatten(1).sum(dim=1)
-    means = total / known.clamp(min=max(LEAST_SHARE * weight[0].numel(), 1e-6))
-    return means.sum() / ranks.add((known > 0).sum()).clamp(min=1)
