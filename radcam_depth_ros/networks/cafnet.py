@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import Depths, Network
-from radcam_depth_ros.networks.patches import around, covered
+from radcam_depth_ros.networks.patches import Patches, around, covered
 from radcam_depth_ros.networks.planar_guidance import ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
 from radcam_depth_ros.networks.registry import ArchitectureError, register
@@ -65,14 +65,14 @@ class CafnetOutputs(NamedTuple):
     depths: As `forward` gives them.
     coarse_m: Stage 1's depth, (B, 1, H, W) float32 metres.
     confidence_logit: (B, 1, H, W) float32, of the probability that a radar return belongs to a pixel.
-    patch_px: Rows and columns around a return that may belong to it.
+    patches: The pixels around each return that may belong to it.
     features: For distillation; the radar's are those of stage 2, gated.
     """
 
     depths: Depths
     coarse_m: Tensor
     confidence_logit: Tensor
-    patch_px: tuple[int, int]
+    patches: Patches
     features: DistillationFeatures
 
 
@@ -179,8 +179,7 @@ class Cafnet(Network):
         self.join = ConvElu(PLANES + 2, 3)
         self.radar_encoder = RadarEncoder()
         self.gates = nn.ModuleList(
-            ConfidenceGate(given, needed)
-            for given, needed in zip(CHANNELS, PlanarDecoder.RADAR_CHANNELS, strict=True)
+            ConfidenceGate(given, needed) for given, needed in zip(CHANNELS, PlanarDecoder.RADAR_CHANNELS, strict=True)
         )
         self.decoder = PlanarDecoder(CHANNELS, config.max_depth_m)
 
@@ -204,17 +203,18 @@ class Cafnet(Network):
         joined = self.join(torch.cat([share.to(image.dtype), confidence.to(image.dtype), planes], dim=1))
         gated: list[Tensor] = []
         sureness = confidence.to(image.dtype)
-        for x, gate in zip(self.radar_encoder(joined), self.gates):  # noqa: B905  # TorchScript knows no strict
+        returned = self.radar_encoder(joined)
+        for index, gate in enumerate(self.gates):
             sureness = functional.avg_pool2d(sureness, 2)
-            gated.append(gate(x, sureness))
+            gated.append(gate(returned[index], sureness))
         logits, decoded, inter_depth_m = self.decoder(maps, gated)
         # No label says that a pixel outside of all patches belongs to a return.
-        reached = covered(around(radar, valid, height, width, self.patch_px), height, width)
-        found = reached & (confidence > self.threshold)
+        patches = around(radar, valid, height, width, self.patch_px)
+        found = covered(patches, height, width) & (confidence > self.threshold)
         semi_dense = torch.where(found, coarse_m, torch.full_like(coarse_m, float("nan")))
         features = DistillationFeatures(maps, gated, decoded, inter_depth_m)
         depths = Depths(self._depth(logits.float()), semi_dense, confidence)
-        return CafnetOutputs(depths, coarse_m, logit, self.patch_px, features)
+        return CafnetOutputs(depths, coarse_m, logit, patches, features)
 
     def _depth(self, logit: Tensor) -> Tensor:
         # From the nearest depth on, not from 0 as in the paper.

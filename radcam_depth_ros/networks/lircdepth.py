@@ -28,7 +28,7 @@ WIDENING = 6
 """How much wider an inverted residual block is inside."""
 
 DECODER = ((32, 2, 512), (16, 7, 128), (32, 2, 128), (32, 1, 64))
-"""Of the decoder's stages to 1/16, 1/8, 1/4, 1/2: channels inside, how many blocks have them, channels of the result."""
+"""Of the decoder's stages to 1/16, 1/8, 1/4, 1/2: channels within, how many blocks have them, channels given."""
 
 FINAL_WIDTH = 32
 """Channels at the image's size."""
@@ -92,7 +92,10 @@ class Affinity(nn.Module):
         )
 
     def forward(self, maps: list[Tensor]) -> list[Tensor]:
-        return [functional.relu(layer(x)) for x, layer in zip(maps, self.layers)]  # noqa: B905  # as TorchScript has it
+        result: list[Tensor] = []
+        for index, layer in enumerate(self.layers):
+            result.append(functional.relu(layer(maps[index])))
+        return result
 
 
 class Doubling(nn.Sequential):
@@ -145,18 +148,21 @@ class Decoder(nn.Module):
             The depth's logit (B, 1, H, W); the decoder's maps at 1/16, 1/8, 1/4, 1/2, 1; and the depths of those at
             1/8, 1/4, 1/2, each (B, 1, H, W), as shares of the farthest depth.
         """
-        maps = [x + y for x, y in zip(image, self.join(radar))]  # noqa: B905  # as TorchScript has it
-        x = maps[4]
+        joined = self.join(radar)
+        x = image[4] + joined[4]
         decoded: list[Tensor] = []
         for index, stage in enumerate(self.stages):
             decoded.append(stage(x))
-            x = torch.cat([decoded[index], maps[3 - index]], dim=1)
+            x = torch.cat([decoded[index], image[3 - index] + joined[3 - index]], dim=1)
+        x = self.full_size(x)
         shares: list[Tensor] = []
+        parts = [x]
         for index, depth in enumerate(self.depths):
             # Deviation: a sigmoid, where the public baseline has a ReLU, which may end at 0 for good.
             share = torch.sigmoid(depth(decoded[index + 1]))
-            shares.append(functional.interpolate(share, scale_factor=8.0 / 2.0**index, mode="nearest"))
-        x = self.conv(torch.cat([self.full_size(x)] + shares, dim=1))
+            shares.append(functional.interpolate(share, size=(x.shape[2], x.shape[3]), mode="nearest"))
+            parts.append(shares[index])
+        x = self.conv(torch.cat(parts, dim=1))
         decoded.append(x)
         return self.head(x), decoded, shares
 

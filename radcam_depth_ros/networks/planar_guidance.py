@@ -70,10 +70,12 @@ class Context(nn.Module):
 
     def forward(self, x: Tensor, joined: Tensor) -> Tensor:
         """Takes the map, and the up-sampled map with its skip connection that it was made from."""
-        maps = [x]
+        seen, made = [joined], [x]
         for index, layer in enumerate(self.atrous):
-            maps.append(layer(x) if index == 0 else layer(torch.cat([joined] + maps[1:], dim=1)))
-        result: Tensor = self.conv(torch.cat(maps, dim=1))
+            y = layer(x) if index == 0 else layer(torch.cat(seen, dim=1))
+            seen.append(y)
+            made.append(y)
+        result: Tensor = self.conv(torch.cat(made, dim=1))
         return result
 
 
@@ -110,11 +112,19 @@ class PlanarGuidance(nn.Module):
         self.full_turn = 2 * math.pi
         self.least_divisor = _LEAST_DIVISOR
 
-    def forward(self, raw: Tensor) -> Tensor:
-        """Takes (B, 3, h, w), unbounded values for polar angle, azimuth and distance, to (B, 1, H, W) metres."""
-        polar, azimuth, distance = torch.sigmoid(raw.float()).reshape(
-            raw.shape[0], 3, raw.shape[2], 1, raw.shape[3], 1
-        ).unbind(1)
+    def forward(self, raw: Tensor) -> tuple[Tensor, Tensor]:
+        """Draws the planes.
+
+        Args:
+            raw: (B, 3, h, w), unbounded values for polar angle, azimuth and distance.
+
+        Returns:
+            (B, 1, H, W) float32 metres, and the same at twice the size of `raw`: single pixels, since depths are not
+            blended.
+        """
+        polar, azimuth, distance = (
+            torch.sigmoid(raw.float()).reshape(raw.shape[0], 3, raw.shape[2], 1, raw.shape[3], 1).unbind(1)
+        )
         polar, azimuth = polar * self.steepest, azimuth * self.full_turn
         # Where in its cell a pixel is, -0.5 to 0.5 from edge to edge.
         place = (torch.arange(self.factor, device=raw.device, dtype=torch.float32) + 0.5) / self.factor - 0.5
@@ -122,8 +132,11 @@ class PlanarGuidance(nn.Module):
         divisor = torch.sin(polar) * (torch.cos(azimuth) * u + torch.sin(azimuth) * v) + torch.cos(polar)
         # Deviation: BTS divides by whatever comes, 0 and negative numbers included, and bounds nothing.
         depth = distance * self.max_depth_m / divisor.clamp(min=self.least_divisor)
-        rows, columns = raw.shape[2] * self.factor, raw.shape[3] * self.factor
-        return depth.clamp(max=self.max_depth_m).reshape(raw.shape[0], 1, rows, columns)
+        depth = depth.clamp(max=self.max_depth_m)
+        rows, columns = raw.shape[2], raw.shape[3]
+        step = self.factor // 2
+        thinned = depth[:, :, step // 2 :: step, :, step // 2 :: step].reshape(raw.shape[0], 1, rows * 2, columns * 2)
+        return depth.reshape(raw.shape[0], 1, rows * self.factor, columns * self.factor), thinned
 
 
 class PlanarDecoder(nn.Module):
@@ -176,18 +189,14 @@ class PlanarDecoder(nn.Module):
         x_16 = self.conv_16(torch.cat([x, image[3]], dim=1)) + radar[3]
         joined = torch.cat([self.up_8(x_16), image[2]], dim=1)
         x_8 = self.context(self.conv_8(joined), joined) + radar[2]
-        depth_8 = self.guidance_8(self.plane_8(x_8))
-        x = torch.cat([self.up_4(x_8), image[1], self._thinned(depth_8, 4).to(x_8.dtype)], dim=1)
+        depth_8, thinned = self.guidance_8(self.plane_8(x_8))
+        x = torch.cat([self.up_4(x_8), image[1], (thinned / self.max_depth_m).to(x_8.dtype)], dim=1)
         x_4 = self.conv_4(x) + radar[1]
-        depth_4 = self.guidance_4(self.plane_4(x_4))
-        x = torch.cat([self.up_2(x_4), image[0], self._thinned(depth_4, 2).to(x_4.dtype)], dim=1)
+        depth_4, thinned = self.guidance_4(self.plane_4(x_4))
+        x = torch.cat([self.up_2(x_4), image[0], (thinned / self.max_depth_m).to(x_4.dtype)], dim=1)
         x_2 = self.conv_2(x) + radar[0]
-        depth_2 = self.guidance_2(self.plane_2(x_2))
+        depth_2, _ = self.guidance_2(self.plane_2(x_2))
         x = self.up_1(x_2)
         depths = torch.cat([depth_8, depth_4, depth_2], dim=1) / self.max_depth_m
         x_1 = self.conv_1(torch.cat([x, torch.sigmoid(self.reduce_1(x)), depths.to(x.dtype)], dim=1))
         return self.head(x_1), [x_16, x_8, x_4, x_2, x_1], [depth_8, depth_4, depth_2]
-
-    def _thinned(self, depth_m: Tensor, step: int) -> Tensor:
-        """Every `step`-th pixel, as a share of the farthest depth: depths are not blended."""
-        return depth_m[:, :, step // 2 :: step, step // 2 :: step] / self.max_depth_m

@@ -12,11 +12,11 @@ PLANES = 4
 def draw_planes(radar: Tensor, valid: Tensor, height: int, width: int, max_depth_m: float) -> Tensor:
     """Draws returns at their pixels, the nearest where several meet.
 
-    The published systems take depth, RCS and a velocity of two components. A radial speed is what every radar gives, and
-    one that lacks it or the RCS must say so: the fourth channel is the share of both that was measured.
+    The published systems take depth, RCS and a velocity of two components. A radial speed is what every radar gives,
+    and one that lacks it or the RCS must say so: the fourth channel is the share of both that was measured.
 
-    Depth is linear and not its logarithm, so that 0 is only where there is no return: these networks convolve it without
-    a mask and give their result as a share of the greatest depth as well.
+    Depth is linear and not its logarithm, so that 0 is only where there is no return: these networks convolve it
+    without a mask and give their result as a share of the greatest depth as well.
 
     Args:
         radar: (B, N, 6), columns as `RADAR_COLUMNS`; N may be 0.

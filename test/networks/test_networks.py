@@ -6,6 +6,7 @@ import itertools
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterator
 
 import pytest
 import torch
@@ -25,7 +26,11 @@ FORMS: dict[str, tuple[str, dict[str, object]]] = {
     "baff-context": ("baff", {"context": "mobilenet_v2"}),
     "baff-regions": ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
     "baff-paper": ("baff", {**PAPER, "region_width_px": 96, "radar_map_size": [4, 5]}),
+    # With a low tau every return that can win pixels does so, and rounding does not decide which.
+    "cafnet": ("cafnet", {"threshold": 0.01}),
+    "lircdepth": ("lircdepth", {"threshold": 0.01}),
 }
+BAFF_FORMS = [key for key, (name, _) in FORMS.items() if name == "baff"]
 SIZES = [(32, 32), (64, 96), (96, 64)]
 COUNTS = [0, 1, 9]
 
@@ -65,6 +70,20 @@ def form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
     return FORMS[request.param]
 
 
+@pytest.fixture(params=BAFF_FORMS)
+def baff_form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
+    return FORMS[request.param]
+
+
+def tensors(outputs: object) -> Iterator[Tensor]:
+    """All tensors within what `train_outputs` gave."""
+    if isinstance(outputs, Tensor):
+        yield outputs
+    elif isinstance(outputs, tuple | list):
+        for value in outputs:
+            yield from tensors(value)
+
+
 def test_every_network_is_tried_here() -> None:
     assert {name for name, _ in FORMS.values()} == set(networks.names())
 
@@ -87,8 +106,10 @@ def test_shapes_ranges_and_missing_values(
         assert torch.isnan(depths.semi_dense).all()
 
 
-def test_semi_dense_depths_are_those_of_returns_within_their_regions(form: tuple[str, dict[str, object]]) -> None:
-    name, architecture = form
+def test_semi_dense_depths_are_those_of_returns_within_their_regions(
+    baff_form: tuple[str, dict[str, object]],
+) -> None:
+    name, architecture = baff_form
     network = make_network(name, {**architecture, "threshold": 0.01})
     inputs = make_inputs(1, 64, 512, 6)
     with torch.inference_mode():
@@ -130,9 +151,16 @@ def test_samples_of_a_batch_are_independent(form: tuple[str, dict[str, object]])
 def test_training_reaches_every_parameter_with_finite_gradients(form: tuple[str, dict[str, object]]) -> None:
     network = make_network(*form).train()
     outputs = network.train_outputs(*make_inputs(2, 64, 96, 5))
+    means = [value[torch.isfinite(value)].mean() for value in tensors(outputs) if value.requires_grad]
+    torch.stack(means).sum().backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
+    for name, parameter in network.named_parameters():
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name
+
+
+def test_association_and_candidates_have_depths(baff_form: tuple[str, dict[str, object]]) -> None:
+    outputs = make_network(*baff_form).train().train_outputs(*make_inputs(2, 64, 96, 5))
     association, candidates = outputs.association, outputs.candidates
-    assert outputs.depths is not None
-    assert outputs.confidence_logit is not None
     assert association is not None
     shape = association.logits.shape
     trained = ~torch.isnan(association.depth_m.expand(shape))
@@ -140,15 +168,9 @@ def test_training_reaches_every_parameter_with_finite_gradients(form: tuple[str,
         assert association.columns.shape == (shape[0], shape[1], shape[3])
         trained &= (association.columns >= 0).unsqueeze(2)
     assert trained.any()
-    loss = outputs.depths.dense.mean() + association.logits[trained].mean() + outputs.confidence_logit.mean()
     if candidates is not None:
         assert candidates.logits.shape == candidates.depth_m.shape
         assert candidates.logits.shape[:2] == (2, CANDIDATES + BINS)
-        loss = loss + candidates.logits.mean()
-    loss.backward()
-    for name, parameter in network.named_parameters():
-        assert parameter.grad is not None, name
-        assert torch.isfinite(parameter.grad).all(), name
 
 
 @pytest.mark.parametrize("count", [0, 7])
@@ -259,8 +281,8 @@ print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1
 
 
 @pytest.mark.parametrize("part", ["association", "fusion"])
-def test_parts_that_do_not_learn_have_no_loss(form: tuple[str, dict[str, object]], part: str) -> None:
-    network = make_network(*form).train()
+def test_parts_that_do_not_learn_have_no_loss(baff_form: tuple[str, dict[str, object]], part: str) -> None:
+    network = make_network(*baff_form).train()
     network.get_submodule(part).requires_grad_(False)
     outputs = network.train_outputs(*make_inputs(1, 64, 96, 3))
     assert (outputs.association is None) == (part == "association")
