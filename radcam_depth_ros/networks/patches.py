@@ -5,18 +5,15 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-_FAR = 1.0e9
-"""Stands for no depth, and no likeness, in minima."""
-
 
 class Patches(NamedTuple):
     """The pixels around each return.
 
-    index: (B, N, P) int64, row * width + column; 0 for a pixel that is not there.
+    pixels: (B, N, P) int64, row * width + column; 0 for a pixel that is not there.
     there: (B, N, P) bool, whether the pixel is within the image and the return is valid.
     """
 
-    index: Tensor
+    pixels: Tensor
     there: Tensor
 
 
@@ -40,8 +37,8 @@ def around(radar: Tensor, valid: Tensor, height: int, width: int, size_px: tuple
 
 def covered(patches: Patches, height: int, width: int) -> Tensor:
     """Which pixels lie in any patch, (B, 1, height, width) bool."""
-    empty = torch.zeros(patches.index.shape[0], height * width, device=patches.index.device)
-    hits = empty.scatter_reduce(1, patches.index.flatten(1), patches.there.flatten(1).float(), "amax")
+    empty = torch.zeros(patches.pixels.shape[0], height * width, device=patches.pixels.device)
+    hits = empty.scatter_reduce(1, patches.pixels.flatten(1), patches.there.flatten(1).float(), "amax")
     return (hits > 0).reshape(-1, 1, height, width)
 
 
@@ -58,14 +55,15 @@ def alike(patches: Patches, radar: Tensor, depth_m: Tensor, tolerance: float) ->
         (B, 1, H, W) float32 metres, NaN where no patch reaches, or no return in it is within the tolerance.
     """
     height, width = depth_m.shape[2], depth_m.shape[3]
-    there, index = patches.there.flatten(1), patches.index.flatten(1)
+    there, index = patches.there.flatten(1), patches.pixels.flatten(1)
     seen = torch.gather(depth_m.float().flatten(1), 1, index)
     returned = radar[:, :, 2].float().unsqueeze(2).expand_as(patches.there).flatten(1)
     off = (returned - seen).abs() / seen
-    off = torch.where(there & (off < tolerance), off, torch.full_like(off, _FAR))
-    nothing = torch.full((depth_m.shape[0], height * width), _FAR, device=depth_m.device)
+    # 1e9 stands for no depth, and for no likeness, in minima.
+    off = torch.where(there & (off < tolerance), off, torch.full_like(off, 1.0e9))
+    nothing = torch.full((depth_m.shape[0], height * width), 1.0e9, device=depth_m.device)
     least = nothing.scatter_reduce(1, index, off, "amin")
     # Of two that are equally like it the nearer one, whatever their order.
-    best = (off < _FAR) & (off <= torch.gather(least, 1, index))
-    found = nothing.scatter_reduce(1, index, torch.where(best, returned, torch.full_like(off, _FAR)), "amin")
-    return torch.where(found < _FAR, found, torch.full_like(found, float("nan"))).reshape(-1, 1, height, width)
+    best = (off < 1.0e9) & (off <= torch.gather(least, 1, index))
+    found = nothing.scatter_reduce(1, index, torch.where(best, returned, torch.full_like(off, 1.0e9)), "amin")
+    return torch.where(found < 1.0e9, found, torch.full_like(found, float("nan"))).reshape(-1, 1, height, width)

@@ -63,7 +63,7 @@ def belonging(patches: Patches, radar: Tensor, truth_m: Tensor, tolerance_m: flo
     Returns:
         (B, 1, H, W) bool.
     """
-    index, there = patches.index.flatten(1), patches.there.flatten(1)
+    index, there = patches.pixels.flatten(1), patches.there.flatten(1)
     depth_m = radar[:, :, 2].unsqueeze(2).expand_as(patches.there).flatten(1)
     right = there & ((torch.gather(truth_m.flatten(1), 1, index) - depth_m).abs() < tolerance_m)
     nowhere = torch.zeros_like(truth_m).flatten(1)

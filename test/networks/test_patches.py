@@ -26,7 +26,7 @@ def returns(*rows: tuple[float, float, float]) -> tuple[Tensor, Tensor]:
 def test_a_patch_is_around_its_return_and_cut_at_the_border() -> None:
     radar, valid = returns((0.4, 6.0, 10.0))
     patches = around(radar, valid, HEIGHT, WIDTH, (5, 3))
-    assert patches.index.shape == patches.there.shape == (1, 1, 15)
+    assert patches.pixels.shape == patches.there.shape == (1, 1, 15)
     reached = covered(patches, HEIGHT, WIDTH)
     expected = torch.zeros(1, 1, HEIGHT, WIDTH, dtype=torch.bool)
     expected[0, 0, 4:, :2] = True

@@ -19,6 +19,11 @@ NAN, INF = float("nan"), float("inf")
 OFF = CafnetLossConfig(depth=0.0, coarse=0.0, confidence=0.0, smoothness=0.0, sky=0.0, sky_margin_px=0)
 
 
+def two_rows(*values: float) -> Tensor:
+    """An image of two equal rows."""
+    return torch.tensor(values).expand(1, 1, 2, -1).clone()
+
+
 def make_batch(truth: Tensor, *returns: tuple[float, float, float]) -> Batch:
     """Every sample of the batch has these returns (u, v, depth)."""
     count, _, height, width = truth.shape
@@ -61,10 +66,10 @@ def test_without_returns_nothing_belongs_to_any() -> None:
 
 
 def test_terms_by_hand_and_their_weights() -> None:
-    batch = make_batch(torch.tensor([[[[10.0, 14.0, INF, NAN]]]]), (0.0, 0.0, 10.1))
-    dense = torch.tensor([[[[12.0, 13.0, 90.0, 50.0]]]], requires_grad=True)
-    coarse = torch.tensor([[[[11.0, 17.0, 40.0, 40.0]]]], requires_grad=True)
-    logit = torch.tensor([[[[1.0, 2.0, 3.0, 4.0]]]], requires_grad=True)
+    batch = make_batch(two_rows(10.0, 14.0, INF, NAN), (0.0, 0.0, 10.1))
+    dense = two_rows(12.0, 13.0, 90.0, 50.0).requires_grad_()
+    coarse = two_rows(11.0, 17.0, 40.0, 40.0).requires_grad_()
+    logit = two_rows(1.0, 2.0, 3.0, 4.0).requires_grad_()
     config = replace(OFF, depth=2.0, coarse=0.5, confidence=3.0, smoothness=0.5, sky=0.1)
     total, parts = total_loss(make_outputs(batch, dense, coarse, logit), batch, 100.0, config)
     entropy = math.log1p(math.exp(-1.0)) + math.log1p(math.exp(2.0)) + math.log1p(math.exp(3.0))
@@ -76,7 +81,9 @@ def test_terms_by_hand_and_their_weights() -> None:
         "sky": 10.0,
     }
     assert {name: float(value) for name, value in parts.items()} == pytest.approx(expected, rel=1e-5)
-    assert float(total) == pytest.approx(sum(getattr(config, name) * value for name, value in expected.items()))
+    assert float(total.detach()) == pytest.approx(
+        sum(getattr(config, name) * value for name, value in expected.items())
+    )
     total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     for value in (dense.grad, coarse.grad, logit.grad):
         assert value is not None

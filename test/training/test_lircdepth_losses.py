@@ -18,6 +18,11 @@ INF = float("inf")
 OFF = LircdepthLossConfig(depth=0.0, smoothness=0.0, sky=0.0, confidence=0.0, sky_margin_px=0)
 
 
+def two_rows(*values: float) -> Tensor:
+    """An image of two equal rows."""
+    return torch.tensor(values).expand(1, 1, 2, -1).clone()
+
+
 def make_batch(truth: Tensor, single: Tensor | None = None) -> Batch:
     count, _, height, width = truth.shape
     return Batch(
@@ -36,15 +41,17 @@ def make_outputs(dense: Tensor, logit: Tensor) -> LircdepthOutputs:
 
 
 def test_terms_by_hand_and_their_weights() -> None:
-    dense = torch.tensor([[[[12.0, 10.5, 90.0]]]], requires_grad=True)
-    logit = torch.tensor([[[[1.0, 2.0, 3.0]]]], requires_grad=True)
-    batch = make_batch(torch.tensor([[[[10.0, 10.0, INF]]]]))
+    dense = two_rows(12.0, 10.5, 90.0).requires_grad_()
+    logit = two_rows(1.0, 2.0, 3.0).requires_grad_()
+    batch = make_batch(two_rows(10.0, 10.0, INF))
     config = replace(OFF, depth=2.0, smoothness=0.5, sky=0.1, confidence=3.0)
     total, parts = total_loss(make_outputs(dense, logit), batch, 100.0, config)
     entropy = (math.log1p(math.exp(1.0)) + math.log1p(math.exp(-2.0))) / 2
     expected = {"depth": (2.0 + 0.5) / 2, "smoothness": (1.5 + 79.5) / 2, "sky": 10.0, "confidence": entropy}
     assert {name: float(value) for name, value in parts.items()} == pytest.approx(expected, rel=1e-5)
-    assert float(total) == pytest.approx(sum(getattr(config, name) * value for name, value in expected.items()))
+    assert float(total.detach()) == pytest.approx(
+        sum(getattr(config, name) * value for name, value in expected.items())
+    )
     assert not any(value.requires_grad for value in parts.values())
     total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     for value in (dense.grad, logit.grad):
