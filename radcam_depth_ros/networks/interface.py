@@ -28,7 +28,7 @@ class Depths(NamedTuple):
 
     dense: metres within the network's depth range, everywhere.
     semi_dense: metres where a radar return was associated, NaN elsewhere.
-    confidence: probability that `dense` is within 10 % of the true depth.
+    confidence: probability that `dense` is within 10 % of the true depth; what else it may be its network tells.
     """
 
     dense: Tensor
@@ -62,7 +62,7 @@ class Candidates(NamedTuple):
 
 
 class TrainOutputs(NamedTuple):
-    """What training needs of a network: the depths, and what its other losses are made from.
+    """What training needs of `baff`: the depths, and what its other losses are made from.
 
     `road_m` is the depth of the road as the network corrected it, (B, 1, h, w) with the image's size or smaller by a
     whole factor.
@@ -105,9 +105,5 @@ class Network(nn.Module):
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
-        """The forward pass with what losses need; arguments as in `forward`.
-
-        Returns:
-            A NamedTuple of the network's own, with what its losses need.
-        """
+        """A NamedTuple of the network's own, with what its losses need."""
         raise TypeError(f"{type(self).__name__} cannot be trained: it does not define train_outputs")

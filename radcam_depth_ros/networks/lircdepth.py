@@ -180,8 +180,8 @@ class Lircdepth(Network):
     parts = ("image_encoder", "image_affinity", "radar_encoder", "radar_affinity", "decoder", "confidence")
     stages = (
         ("image encoder", "image_encoder"),
-        ("radar encoder", "radar_encoder"),
         ("affinity", "image_affinity"),
+        ("radar encoder", "radar_encoder"),
         ("affinity", "radar_affinity"),
         ("decoder", "decoder"),
         ("confidence", "confidence"),

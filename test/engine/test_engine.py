@@ -14,7 +14,12 @@ from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
 
 Frame = tuple[Tensor, Tensor, Tensor]
-FORMS = [("baff", {"association": "embedding"}), ("baff", {"association": "regions", "radar_map_size": [4, 5]})]
+FORMS: list[tuple[str, dict[str, object]]] = [
+    ("baff", {"association": "embedding"}),
+    ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
+    ("cafnet", {}),
+    ("lircdepth", {}),
+]
 
 
 class Tiny(nn.Module):
@@ -96,7 +101,9 @@ def test_bfloat16_is_near_and_comes_back_as_float32(mode: str) -> None:
         torch.testing.assert_close(got, expected, rtol=0.05, atol=0.2)
 
 
-@pytest.mark.parametrize(("name", "architecture"), FORMS, ids=[str(form["association"]) for _, form in FORMS])
+@pytest.mark.parametrize(
+    ("name", "architecture"), FORMS, ids=[str(form.get("association", name)) for name, form in FORMS]
+)
 def test_every_network_runs_in_bfloat16(name: str, architecture: dict[str, object]) -> None:
     torch.manual_seed(0)
     network = networks.create(name, architecture).eval()

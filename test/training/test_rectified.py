@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from radcam_depth_ros.training.masked import masked_mean, sample_mean
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.rectified import (
     depth_loss,
@@ -137,9 +136,3 @@ def test_smoothness_counts_less_at_an_edge_of_the_image() -> None:
     image[..., 2] = 1.0
     assert float(smoothness_loss(dense, image)) == pytest.approx((2.0 + 3.0 * math.exp(-1.0)) / 2)
     assert float(smoothness_loss(torch.full_like(dense, 7.0), image)) == 0.0
-
-
-def test_means_over_samples() -> None:
-    values = torch.tensor([[1.0, 3.0], [5.0, NAN]])
-    assert float(masked_mean(values, ~torch.isnan(values))) == pytest.approx((2.0 + 5.0) / 2)
-    assert float(sample_mean(torch.tensor([[1.0, 3.0], [5.0, 7.0]]))) == pytest.approx(4.0)
