@@ -43,11 +43,12 @@ class MobileNetV2(nn.Module):
 
     Args:
         groups: How many groups of `SETTINGS`: 7 are all, 5 end at a stride of 16.
+        in_channels: Of the input.
     """
 
-    def __init__(self, groups: int = 7) -> None:
+    def __init__(self, groups: int = 7, in_channels: int = 3) -> None:
         super().__init__()
-        layers: list[nn.Module] = [ConvNormRelu(3, 32, stride=2)]
+        layers: list[nn.Module] = [ConvNormRelu(in_channels, 32, stride=2)]
         channels = 32
         for widening, width, count, stride in SETTINGS[:groups]:
             for index in range(count):
@@ -93,8 +94,7 @@ class PyramidEncoder(MobileNetV2):
     CHANNELS = (16, 24, 32, 64, 1280)
 
     def __init__(self, in_channels: int = 3) -> None:
-        super().__init__()
-        self.features[0] = ConvNormRelu(in_channels, 32, stride=2)
+        super().__init__(in_channels=in_channels)
         self.features.append(ConvNormRelu(SETTINGS[-1][1], self.CHANNELS[-1], kernel=1))
 
     def forward(self, x: Tensor) -> list[Tensor]:
