@@ -92,7 +92,9 @@ def test_each_stage_of_the_networks_is_there_and_called_once(name: str) -> None:
 @pytest.mark.parametrize("name", names())
 def test_the_papers_form_can_be_built(name: str) -> None:
     paper = registry.find(name).paper
-    assert Running.start(Subject(name, architecture=paper, mode="eager")).loaded.weights == "random"
+    weights = Running.start(Subject(name, architecture=paper, mode="eager")).loaded.weights
+    # A network that is its paper's form as it stands has shipped weights, or random ones and the reason for them.
+    assert weights == "random" if paper else weights.partition(":")[0] in ("shipped", "random")
 
 
 @pytest.mark.usefixtures("quick")
