@@ -1,7 +1,10 @@
 """The networks: torch only. `create` builds one by name, `archive` reads and writes their weights."""
 
 from radcam_depth_ros.networks.baff import Baff, BaffConfig
+from radcam_depth_ros.networks.cafnet import Cafnet, CafnetConfig, CafnetOutputs
+from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Association, Candidates, Depths, Network, TrainOutputs
+from radcam_depth_ros.networks.lircdepth import Lircdepth, LircdepthConfig, LircdepthOutputs
 from radcam_depth_ros.networks.registry import ArchitectureError, create, names
 from radcam_depth_ros.networks.structured import Structured, StructuredConfig, StructuredOutputs
 
@@ -11,8 +14,15 @@ __all__ = [
     "Association",
     "Baff",
     "BaffConfig",
+    "Cafnet",
+    "CafnetConfig",
+    "CafnetOutputs",
     "Candidates",
     "Depths",
+    "DistillationFeatures",
+    "Lircdepth",
+    "LircdepthConfig",
+    "LircdepthOutputs",
     "Network",
     "Structured",
     "StructuredConfig",

@@ -28,7 +28,7 @@ class Depths(NamedTuple):
 
     dense: metres within the network's depth range, everywhere.
     semi_dense: metres where a radar return was associated, NaN elsewhere.
-    confidence: probability that `dense` is within 10 % of the true depth.
+    confidence: probability that `dense` is within 10 % of the true depth; what else it may be its network tells.
     classes: what a pixel shows, uint8, the training ids of Cityscapes (`classes.CLASS_NAMES`); None of a network that
         does not tell.
     """

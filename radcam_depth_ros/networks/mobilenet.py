@@ -43,6 +43,7 @@ class MobileNetV2(nn.Module):
 
     Args:
         groups: How many groups of `SETTINGS`: 7 are all, 5 end at a stride of 16.
+        in_channels: Of the input.
 
     Attributes:
         checkpoint: torchvision's name of the checkpoint that fits.
@@ -52,9 +53,9 @@ class MobileNetV2(nn.Module):
     checkpoint = "mobilenet_v2"
     left_out = ("features.", "classifier.")
 
-    def __init__(self, groups: int = 7) -> None:
+    def __init__(self, groups: int = 7, in_channels: int = 3) -> None:
         super().__init__()
-        layers: list[nn.Module] = [ConvNormRelu(3, 32, stride=2)]
+        layers: list[nn.Module] = [ConvNormRelu(in_channels, 32, stride=2)]
         channels = 32
         for widening, width, count, stride in SETTINGS[:groups]:
             for index in range(count):
@@ -86,5 +87,29 @@ class ContextEncoder(MobileNetV2):
             x = layer(x)
             # The last of the groups with 24, 32 and 96 channels.
             if index == 3 or index == 6 or index == 13:
+                maps.append(x)
+        return maps
+
+
+class PyramidEncoder(MobileNetV2):
+    """All of MobileNetV2: maps at 1/2, 1/4, 1/8, 1/16, 1/32.
+
+    Args:
+        in_channels: Of the input; with 3 the names and shapes are those of torchvision's checkpoints.
+    """
+
+    CHANNELS = (16, 24, 32, 64, 1280)
+
+    def __init__(self, in_channels: int = 3) -> None:
+        super().__init__(in_channels=in_channels)
+        self.features.append(ConvNormRelu(SETTINGS[-1][1], self.CHANNELS[-1], kernel=1))
+
+    def forward(self, x: Tensor) -> list[Tensor]:
+        """Takes (B, in_channels, H, W) to five maps, finest first; an image must be normalised before."""
+        maps: list[Tensor] = []
+        for index, layer in enumerate(self.features):
+            x = layer(x)
+            # The last of the groups with 16, 24, 32 and 64 channels, and the last of all.
+            if index == 1 or index == 3 or index == 6 or index == 10 or index == 18:
                 maps.append(x)
         return maps

@@ -242,14 +242,23 @@ def draw_nearest(radar: Tensor, valid: Tensor, height: int, width: int, stride: 
         (B, 1, height / stride, width / stride) float32 metres.
     """
     rows, columns = height // stride, width // stride
-    column = torch.floor((radar[:, :, 0] + 0.5) / stride)
-    row = torch.floor((radar[:, :, 1] + 0.5) / stride)
     depth = radar[:, :, 2].float()
-    inside = valid & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    place = torch.where(inside, row * columns + column, torch.zeros_like(row)).long()
+    place, inside = pixels(radar, valid, rows, columns, stride)
     far = torch.full((radar.shape[0], rows * columns), 1.0e9, device=radar.device)
     drawn = far.scatter_reduce(1, place, torch.where(inside, depth, torch.full_like(depth, 1.0e9)), "amin")
     return torch.where(drawn < 1.0e9, drawn, torch.zeros_like(drawn)).reshape(-1, 1, rows, columns)
+
+
+def pixels(radar: Tensor, valid: Tensor, rows: int, columns: int, stride: int) -> tuple[Tensor, Tensor]:
+    """Where returns lie in an image of rows x columns whose pixels are `stride` wide.
+
+    Returns:
+        (B, N) int64, row * columns + column, 0 for those that are not inside; and (B, N) bool, whether they are.
+    """
+    column = torch.floor((radar[:, :, 0] + 0.5) / stride)
+    row = torch.floor((radar[:, :, 1] + 0.5) / stride)
+    inside = valid & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    return torch.where(inside, row * columns + column, torch.zeros_like(row)).long(), inside
 
 
 def gather_rows(values: Tensor, index: Tensor) -> Tensor:

@@ -29,3 +29,9 @@ def masked_mean(values: Tensor, weight: Tensor, ranks: Ranks = ALONE) -> Tensor:
     total = (torch.where(weight > 0, values, 0.0) * weight).flatten(1).sum(dim=1)
     means = total / known.clamp(min=max(LEAST_SHARE * weight[0].numel(), 1e-6))
     return means.sum() / ranks.add((known > 0).sum()).clamp(min=1)
+
+
+def sample_mean(values: Tensor, ranks: Ranks = ALONE) -> Tensor:
+    """Mean over the samples (B, ...) of the joint batch; `ranks` as in `masked_mean`."""
+    means = values.flatten(1).mean(dim=1)
+    return means.sum() / ranks.add(torch.tensor(len(means), device=means.device))

@@ -6,6 +6,7 @@ import itertools
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterator
 
 import pytest
 import torch
@@ -31,6 +32,9 @@ FORMS: dict[str, tuple[str, dict[str, object]]] = {
     **BAFF_FORMS,
     "structured": ("structured", {"backbone": "resnet18"}),
     "structured-conf": ("structured", {"backbone": "resnet18", "fusion": "conf"}),
+    # With a low tau every return that can win pixels does so, and rounding does not decide which.
+    "cafnet": ("cafnet", {"threshold": 0.01}),
+    "lircdepth": ("lircdepth", {"threshold": 0.01}),
 }
 SIZES = [(32, 32), (64, 96), (96, 64)]
 COUNTS = [0, 1, 9]
@@ -84,6 +88,15 @@ def form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
 @pytest.fixture(params=BAFF_FORMS)
 def baff_form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
     return BAFF_FORMS[request.param]
+
+
+def tensors(outputs: object) -> Iterator[Tensor]:
+    """All tensors within what `train_outputs` gave."""
+    if isinstance(outputs, Tensor):
+        yield outputs
+    elif isinstance(outputs, tuple | list):
+        for value in outputs:
+            yield from tensors(value)
 
 
 def test_every_network_is_tried_here() -> None:
@@ -156,9 +169,16 @@ def test_samples_of_a_batch_are_independent(form: tuple[str, dict[str, object]])
 def test_training_reaches_every_parameter_with_finite_gradients(baff_form: tuple[str, dict[str, object]]) -> None:
     network = make_network(*baff_form).train()
     outputs = network.train_outputs(*make_inputs(2, 64, 96, 5))
+    means = [value[torch.isfinite(value)].mean() for value in tensors(outputs) if value.requires_grad]
+    torch.stack(means).sum().backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
+    for name, parameter in network.named_parameters():
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name
+
+
+def test_association_and_candidates_have_depths(baff_form: tuple[str, dict[str, object]]) -> None:
+    outputs = make_network(*baff_form).train().train_outputs(*make_inputs(2, 64, 96, 5))
     association, candidates = outputs.association, outputs.candidates
-    assert outputs.depths is not None
-    assert outputs.confidence_logit is not None
     assert association is not None
     shape = association.logits.shape
     trained = ~torch.isnan(association.depth_m.expand(shape))
@@ -166,15 +186,9 @@ def test_training_reaches_every_parameter_with_finite_gradients(baff_form: tuple
         assert association.columns.shape == (shape[0], shape[1], shape[3])
         trained &= (association.columns >= 0).unsqueeze(2)
     assert trained.any()
-    loss = outputs.depths.dense.mean() + association.logits[trained].mean() + outputs.confidence_logit.mean()
     if candidates is not None:
         assert candidates.logits.shape == candidates.depth_m.shape
         assert candidates.logits.shape[:2] == (2, CANDIDATES + BINS)
-        loss = loss + candidates.logits.mean()
-    loss.backward()
-    for name, parameter in network.named_parameters():
-        assert parameter.grad is not None, name
-        assert torch.isfinite(parameter.grad).all(), name
 
 
 @pytest.mark.parametrize("count", [0, 7])

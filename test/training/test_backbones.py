@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.networks.mobilenet import MobileNetV2
+from radcam_depth_ros.networks.mobilenet import MobileNetV2, PyramidEncoder
 from radcam_depth_ros.networks.resnet import RESNET_18, RESNET_34, ResNet
 from radcam_depth_ros.training import initial
 from radcam_depth_ros.training.initial import load_backbones
@@ -24,8 +24,7 @@ def network() -> networks.Network:
 def as_torchvision_has_it() -> dict[str, Tensor]:
     """A checkpoint of mobilenet_v2: the features up to 1280 channels, and the classifier."""
     generator = torch.Generator().manual_seed(0)
-    entries = dict(MobileNetV2().state_dict())
-    entries |= {"features.18.0.weight": torch.zeros(1280, 320, 1, 1), "classifier.1.weight": torch.zeros(1000, 1280)}
+    entries = PyramidEncoder().state_dict() | {"classifier.1.weight": torch.zeros(1000, 1280)}
     return {
         name: torch.randn(value.shape, generator=generator) if value.is_floating_point() else value
         for name, value in entries.items()
@@ -53,6 +52,22 @@ def test_a_backbone_takes_what_it_needs_of_a_checkpoint(tmp_path: Path, network:
     found = network.get_submodule("context").state_dict()
     for name, value in found.items():
         torch.testing.assert_close(value, given[name])
+
+
+def test_the_image_encoder_of_lircdepth_takes_all_but_the_classifier(tmp_path: Path) -> None:
+    given = as_torchvision_has_it()
+    assert {"features.18.0.weight", "features.18.1.running_mean"} <= set(given)
+    torch.save(given, tmp_path / "mobilenet_v2.pth")
+    network = networks.create("lircdepth")
+    radar = {name: value.clone() for name, value in network.get_submodule("radar_encoder").state_dict().items()}
+    load_backbones(network, str(tmp_path / "mobilenet_v2.pth"))
+    found = network.get_submodule("image_encoder").state_dict()
+    assert found.keys() == given.keys() - {"classifier.1.weight"}
+    for name, value in found.items():
+        torch.testing.assert_close(value, given[name])
+    # The radar's encoder has four channels and starts from nothing.
+    for name, value in network.get_submodule("radar_encoder").state_dict().items():
+        torch.testing.assert_close(value, radar[name])
 
 
 def test_a_wrong_file_is_refused_by_its_first_entry(tmp_path: Path, network: networks.Network) -> None:
