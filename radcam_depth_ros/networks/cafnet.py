@@ -5,6 +5,7 @@ Lightweight Radar-Camera Depth Estimation via Knowledge Distillation and Uncerta
 """
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import torch
@@ -12,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.networks.distillation import DistillationFeatures
+from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, Network
 from radcam_depth_ros.networks.patches import Patches, around, covered
 from radcam_depth_ros.networks.planar_guidance import ConvElu, PlanarDecoder, UpConv
@@ -34,17 +36,19 @@ class CafnetConfig:
     Attributes:
         threshold: tau, the confidence from which on a pixel of the semi-dense depth takes stage 1's depth.
         patch_px: Rows and columns around a return that may belong to it, odd. The public baseline's 150 x 50 px at
-            nuScenes' focal length of 1266 px are 75 x 25 px at 630 px.
+            nuScenes' focal length of 1266 px are 37 x 13 px at 315 px.
+        ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
         min_depth_m: Nearest depth that the network gives.
         max_depth_m: Farthest depth that the network gives.
         focal_length_px: The focal length that it is trained at.
     """
 
     threshold: float = 0.4
-    patch_px: tuple[int, int] = (75, 25)
+    patch_px: tuple[int, int] = (37, 13)
+    ground_prior: bool = True
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
-    focal_length_px: float = 630.0
+    focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < 1:
@@ -152,7 +156,17 @@ class Cafnet(Network):
     """
 
     config_type = CafnetConfig
-    parts = ("image_encoder", "sparse", "coarse_encoder", "coarse_decoder", "join", "radar_encoder", "gates", "decoder")
+    parts = (
+        "image_encoder",
+        "sparse",
+        "coarse_encoder",
+        "coarse_decoder",
+        "join",
+        "radar_encoder",
+        "gates",
+        "ground",
+        "decoder",
+    )
     stages = (
         ("image encoder", "image_encoder"),
         ("radar, coarse", "sparse"),
@@ -165,6 +179,7 @@ class Cafnet(Network):
     )
     backbones = ("image_encoder",)
     adjustable = ("threshold",)
+    paper = MappingProxyType({"ground_prior": False})
 
     def __init__(self, config: CafnetConfig) -> None:
         super().__init__(config)
@@ -181,21 +196,26 @@ class Cafnet(Network):
         self.gates = nn.ModuleList(
             ConfidenceGate(given, needed) for given, needed in zip(CHANNELS, PlanarDecoder.RADAR_CHANNELS, strict=True)
         )
-        self.decoder = PlanarDecoder(CHANNELS, config.max_depth_m)
+        prior = GroundPrior(CHANNELS[4], config.min_depth_m, config.max_depth_m)
+        self.ground = prior if config.ground_prior else None
+        self.decoder = PlanarDecoder(CHANNELS, config.max_depth_m, 2 if config.ground_prior else 1)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        return self._run(image, radar, valid).depths
+        return self._run(image, radar, valid, ground).depths
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> CafnetOutputs:
         """The forward pass with what the losses need."""
-        return self._run(image, radar, valid)
+        return self._run(image, radar, valid, ground)
 
-    def _run(self, image: Tensor, radar: Tensor, valid: Tensor) -> CafnetOutputs:
+    def _run(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> CafnetOutputs:
         height, width = image.shape[2], image.shape[3]
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         maps = self.image_encoder(image)
-        coarse = self.coarse_decoder(maps, self.coarse_encoder(self.sparse(planes))).float()
+        placed = list(maps)
+        if self.ground is not None:
+            placed[4] = self.ground(ground, maps[4])
+        coarse = self.coarse_decoder(placed, self.coarse_encoder(self.sparse(planes))).float()
         coarse_m, logit = self._depth(coarse[:, :1]), coarse[:, 1:]
         confidence = torch.sigmoid(logit)
         # Deviation: weighted by the confidence, not cut at tau, so that tau can be set after the training.
@@ -207,13 +227,16 @@ class Cafnet(Network):
         for index, gate in enumerate(self.gates):
             sureness = functional.avg_pool2d(sureness, 2)
             gated.append(gate(returned[index], sureness))
-        logits, decoded, inter_depth_m = self.decoder(maps, gated)
+        logits, decoded, inter_depth_m = self.decoder(placed, gated)
+        dense = self._depth(logits[:, :1].float())
+        if self.ground is not None:
+            dense = self.ground.blend(dense, logits[:, 1:], ground)
         # No label says that a pixel outside of all patches belongs to a return.
         patches = around(radar, valid, height, width, self.patch_px)
         found = covered(patches, height, width) & (confidence > self.threshold)
         semi_dense = torch.where(found, coarse_m, torch.full_like(coarse_m, float("nan")))
         features = DistillationFeatures(maps, gated, decoded, inter_depth_m)
-        depths = Depths(self._depth(logits.float()), semi_dense, confidence)
+        depths = Depths(dense, semi_dense, confidence)
         return CafnetOutputs(depths, coarse_m, logit, patches, features)
 
     def _depth(self, logit: Tensor) -> Tensor:

@@ -4,6 +4,7 @@
 """
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.networks.distillation import DistillationFeatures
+from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, Network
 from radcam_depth_ros.networks.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
 from radcam_depth_ros.networks.patches import alike, around
@@ -42,17 +44,19 @@ class LircdepthConfig:
         threshold: tau, the confidence from which on a pixel can have a semi-dense depth.
         patch_px: Rows and columns around a return in which a pixel can take its depth, odd; as for `cafnet`.
         tolerance: How far a return's depth may be off the dense depth of such a pixel, as a share of it.
+        ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
         min_depth_m: Nearest depth that the network gives.
         max_depth_m: Farthest depth that the network gives.
         focal_length_px: The focal length that it is trained at.
     """
 
     threshold: float = 0.5
-    patch_px: tuple[int, int] = (75, 25)
+    patch_px: tuple[int, int] = (37, 13)
     tolerance: float = 0.1
+    ground_prior: bool = True
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
-    focal_length_px: float = 630.0
+    focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < 1:
@@ -114,11 +118,14 @@ class Doubling(nn.Sequential):
 
 
 class Decoder(nn.Module):
-    """U-Net decoder of inverted residual blocks, with a depth at each of its inner scales."""
+    """U-Net decoder of inverted residual blocks, with a depth at each of its inner scales.
 
-    def __init__(self, max_depth_m: float) -> None:
+    Args:
+        out_channels: Of the result.
+    """
+
+    def __init__(self, out_channels: int) -> None:
         super().__init__()
-        self.max_depth_m = max_depth_m
         self.join = Affinity(RADAR_CHANNELS, IMAGE_CHANNELS)
         stages: list[nn.Module] = []
         channels = IMAGE_CHANNELS[4]
@@ -135,7 +142,7 @@ class Decoder(nn.Module):
             nn.ReLU6(inplace=True),
         )
         self.conv = ConvNormRelu(FINAL_WIDTH + len(self.depths), FINAL_WIDTH)
-        self.head = nn.Conv2d(FINAL_WIDTH, 1, 3, padding=1)
+        self.head = nn.Conv2d(FINAL_WIDTH, out_channels, 3, padding=1)
 
     def forward(self, image: list[Tensor], radar: list[Tensor]) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """Decodes.
@@ -145,7 +152,7 @@ class Decoder(nn.Module):
             radar: The same, of `RADAR_CHANNELS`.
 
         Returns:
-            The depth's logit (B, 1, H, W); the decoder's maps at 1/16, 1/8, 1/4, 1/2, 1; and the depths of those at
+            The result (B, out_channels, H, W); the decoder's maps at 1/16, 1/8, 1/4, 1/2, 1; and the depths of those at
             1/8, 1/4, 1/2, each (B, 1, H, W), as shares of the farthest depth.
         """
         joined = self.join(radar)
@@ -177,7 +184,7 @@ class Lircdepth(Network):
     """
 
     config_type = LircdepthConfig
-    parts = ("image_encoder", "image_affinity", "radar_encoder", "radar_affinity", "decoder", "confidence")
+    parts = ("image_encoder", "image_affinity", "radar_encoder", "radar_affinity", "ground", "decoder", "confidence")
     stages = (
         ("image encoder", "image_encoder"),
         ("affinity", "image_affinity"),
@@ -188,6 +195,7 @@ class Lircdepth(Network):
     )
     backbones = ("image_encoder",)
     adjustable = ("threshold", "patch_px", "tolerance")
+    paper = MappingProxyType({"ground_prior": False})
     mean: Tensor
     deviation: Tensor
 
@@ -204,25 +212,32 @@ class Lircdepth(Network):
         self.radar_encoder = PyramidEncoder(PLANES)
         self.image_affinity = Affinity(PyramidEncoder.CHANNELS, IMAGE_CHANNELS)
         self.radar_affinity = Affinity(PyramidEncoder.CHANNELS, RADAR_CHANNELS)
-        self.decoder = Decoder(config.max_depth_m)
+        prior = GroundPrior(IMAGE_CHANNELS[4], config.min_depth_m, config.max_depth_m)
+        self.ground = prior if config.ground_prior else None
+        self.decoder = Decoder(2 if config.ground_prior else 1)
         self.confidence = nn.Conv2d(FINAL_WIDTH, 1, 3, padding=1)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        return self._run(image, radar, valid).depths
+        return self._run(image, radar, valid, ground).depths
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
         """The forward pass with what the losses need."""
-        return self._run(image, radar, valid)
+        return self._run(image, radar, valid, ground)
 
-    def _run(self, image: Tensor, radar: Tensor, valid: Tensor) -> LircdepthOutputs:
+    def _run(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
         height, width = image.shape[2], image.shape[3]
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         seen = self.image_affinity(self.image_encoder((image - self.mean) / self.deviation))
         returned = self.radar_affinity(self.radar_encoder(planes))
-        raw, decoded, shares = self.decoder(seen, returned)
+        placed = list(seen)
+        if self.ground is not None:
+            placed[4] = self.ground(ground, seen[4])
+        raw, decoded, shares = self.decoder(placed, returned)
         # From the nearest depth on, not from 0 as in the paper.
-        dense = self.min_depth_m + (self.max_depth_m - self.min_depth_m) * torch.sigmoid(raw.float())
+        dense = self.min_depth_m + (self.max_depth_m - self.min_depth_m) * torch.sigmoid(raw[:, :1].float())
+        if self.ground is not None:
+            dense = self.ground.blend(dense, raw[:, 1:], ground)
         logit = self.confidence(decoded[4].detach()).float()
         confidence = torch.sigmoid(logit)
         patches = around(radar, valid, height, width, self.patch_px)

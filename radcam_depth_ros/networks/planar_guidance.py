@@ -145,12 +145,13 @@ class PlanarDecoder(nn.Module):
     Args:
         skips: Channels of the image's maps at 1/2, 1/4, 1/8, 1/16, 1/32; the last must be WIDTHS[0].
         max_depth_m: Farthest depth.
+        out_channels: Of the result.
     """
 
     RADAR_CHANNELS = (WIDTHS[4], WIDTHS[3], CONTEXT_WIDTH, WIDTHS[1], WIDTHS[0])
     """Channels that the radar's maps need at 1/2, 1/4, 1/8, 1/16, 1/32 to be added."""
 
-    def __init__(self, skips: tuple[int, ...], max_depth_m: float) -> None:
+    def __init__(self, skips: tuple[int, ...], max_depth_m: float, out_channels: int) -> None:
         super().__init__()
         self.max_depth_m = max_depth_m
         _, at_16, at_8, at_4, at_2, at_1 = WIDTHS
@@ -172,7 +173,7 @@ class PlanarDecoder(nn.Module):
         self.up_1 = UpConv(at_2, at_1)
         self.reduce_1 = Reduction(at_1, at_1 // 2, 1)
         self.conv_1 = ConvElu(at_1 + 4, at_1)
-        self.head = nn.Conv2d(at_1, 1, 3, padding=1, bias=False)
+        self.head = nn.Conv2d(at_1, out_channels, 3, padding=1, bias=False)
 
     def forward(self, image: list[Tensor], radar: list[Tensor]) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """Decodes.
@@ -182,7 +183,7 @@ class PlanarDecoder(nn.Module):
             radar: The same, of `RADAR_CHANNELS`.
 
         Returns:
-            The final depth's logit (B, 1, H, W); the decoder's maps at 1/16, 1/8, 1/4, 1/2, 1; and what the local
+            The result (B, out_channels, H, W); the decoder's maps at 1/16, 1/8, 1/4, 1/2, 1; and what the local
             planes at 1/8, 1/4, 1/2 say, each (B, 1, H, W) float32 metres.
         """
         x = self.up_16(image[4] + radar[4])

@@ -125,16 +125,11 @@ class Rasterise(nn.Module):
 
     def _road(self, ground: Tensor, height: int, width: int, stride: float) -> Tensor:
         """The flat road's depth as a plane (B, 1, height, width) of pixels of `stride`; 1, the farthest, without."""
-        known = torch.isfinite(ground).all(dim=1).reshape(-1, 1, 1, 1)
+        road_m, known = draw_road(ground, height, width, stride, self.min_depth_m, self.max_depth_m)
         if not self.ground_prior:
             known = torch.zeros_like(known)
-        finite = torch.nan_to_num(ground, nan=0.0, posinf=0.0, neginf=0.0)
-        a, b, c, _ = finite.reshape(-1, 4, 1, 1, 1).unbind(1)
-        u = _centres(width, stride, ground.device).reshape(1, 1, 1, -1)
-        v = _centres(height, stride, ground.device).reshape(1, 1, -1, 1)
-        inverse = (a * u + b * v + c).clamp(1.0 / self.max_depth_m, 1.0 / self.min_depth_m)
-        plane = depth_to_plane(1.0 / inverse, self.min_depth_m, self.max_depth_m)
-        return torch.where(known, plane, torch.ones_like(plane))
+        plane = depth_to_plane(road_m, self.min_depth_m, self.max_depth_m)
+        return torch.where(known > 0, plane, torch.ones_like(plane))
 
     def plane(self, depth: Tensor) -> Tensor:
         """Depths as planes; where there is none (0), the farthest."""
@@ -226,6 +221,31 @@ def depth_to_plane(depth_m: Tensor, min_depth_m: float, max_depth_m: float) -> T
 def plane_to_depth(plane: Tensor, min_depth_m: float, max_depth_m: float) -> Tensor:
     """Inverse of `depth_to_plane` for values of 0 to 1, in float32."""
     return min_depth_m * torch.exp(plane.float() * math.log(max_depth_m / min_depth_m))
+
+
+def draw_road(
+    ground: Tensor, height: int, width: int, stride: float, min_depth_m: float, max_depth_m: float
+) -> tuple[Tensor, Tensor]:
+    """Draws the flat road.
+
+    Args:
+        ground: (B, 4), as `interface` has it.
+        height: Rows of the result.
+        width: Columns of the result.
+        stride: Pixels of the image a pixel of the result.
+        min_depth_m: Nearest depth.
+        max_depth_m: Farthest depth; that of what is above the horizon, too.
+
+    Returns:
+        (B, 1, height, width) float32 metres, and (B, 1, 1, 1), 1 where there is a road and 0 where nothing is assumed.
+    """
+    known = torch.isfinite(ground).all(dim=1).reshape(-1, 1, 1, 1)
+    finite = torch.nan_to_num(ground, nan=0.0, posinf=0.0, neginf=0.0)
+    a, b, c, _ = finite.reshape(-1, 4, 1, 1, 1).unbind(1)
+    u = _centres(width, stride, ground.device).reshape(1, 1, 1, -1)
+    v = _centres(height, stride, ground.device).reshape(1, 1, -1, 1)
+    inverse = (a * u + b * v + c).clamp(1.0 / max_depth_m, 1.0 / min_depth_m)
+    return 1.0 / inverse, known.to(inverse.dtype)
 
 
 def draw_nearest(radar: Tensor, valid: Tensor, height: int, width: int, stride: int) -> Tensor:

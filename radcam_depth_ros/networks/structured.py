@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS
+from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, Network
 from radcam_depth_ros.networks.rasterise import depth_to_plane, draw_nearest, plane_to_depth
 from radcam_depth_ros.networks.registry import ArchitectureError, register
@@ -37,9 +38,10 @@ class StructuredConfig:
     Attributes:
         fusion: How three decoders make one depth: `seg` takes each pixel's from the decoder of what it shows, which a
             fourth one says; `conf` weighs them, `add` sums them up; `single` has one decoder, for comparison.
-        backbone: Of the image: `resnet34`, or `resnet18`.
+        backbone: Of the image: `resnet18`, or the paper's `resnet34`.
         radar_channels: Of the radar branch at 1/2, 1/4, 1/8, 1/16, 1/32.
         joined_channels: Of both branches together at 1/32, from which on decoders halve them four times.
+        ground_prior: Take the flat road's depth as an input, and as a depth that each decoder may take.
         threshold: tau, from which on a pixel near a return has a semi-dense depth: the confidence, less where coarse
             and dense depth differ.
         min_depth_m: Nearest depth that the network gives.
@@ -48,14 +50,15 @@ class StructuredConfig:
     """
 
     fusion: str = "seg"
-    backbone: str = "resnet34"
+    backbone: str = "resnet18"
     # The paper says "fewer"; a quarter of the image branch's makes its number of parameters (docs/decisions.md).
     radar_channels: tuple[int, int, int, int, int] = (16, 16, 32, 64, 128)
-    joined_channels: int = 256
+    joined_channels: int = 192
+    ground_prior: bool = True
     threshold: float = 0.25
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
-    focal_length_px: float = 630.0
+    focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
         if self.fusion not in FUSIONS:
@@ -131,10 +134,10 @@ class RadarEncoder(nn.Module):
 
 @register("structured")
 class Structured(Network):
-    """The whole network; see `interface` for what it takes and gives. The flat road is not used."""
+    """The whole network; see `interface` for what it takes and gives."""
 
     config_type = StructuredConfig
-    parts = ("image_encoder", "radar_encoder", "join", "decoders", "class_decoder", "confidence")
+    parts = ("image_encoder", "radar_encoder", "join", "ground", "decoders", "class_decoder", "confidence")
     stages = (
         ("image encoder", "image_encoder"),
         ("radar encoder", "radar_encoder"),
@@ -145,7 +148,7 @@ class Structured(Network):
     )
     backbones = ("image_encoder",)
     adjustable = ("threshold",)
-    paper = MappingProxyType({"fusion": "seg", "backbone": "resnet34"})
+    paper = MappingProxyType({"fusion": "seg", "backbone": "resnet34", "joined_channels": 256, "ground_prior": False})
     group_of_class: Tensor
 
     def __init__(self, config: StructuredConfig) -> None:
@@ -162,7 +165,10 @@ class Structured(Network):
             nn.Conv2d(CHANNELS[4] + config.radar_channels[4], width, 1, bias=False), nn.BatchNorm2d(width)
         )
         count = 1 if config.fusion == "single" else len(CLASS_GROUPS)
-        self.decoders = nn.ModuleList(UpDecoder(width, 2 if self.weighs else 1) for _ in range(count))
+        prior = GroundPrior(width, config.min_depth_m, config.max_depth_m)
+        self.ground = prior if config.ground_prior else None
+        values = 1 + int(self.weighs) + int(config.ground_prior)
+        self.decoders = nn.ModuleList(UpDecoder(width, values) for _ in range(count))
         self.class_decoder = UpDecoder(width, len(CLASS_NAMES)) if config.fusion == "seg" else None
         features = (count + int(config.fusion == "seg")) * (width >> LEVELS)
         self.confidence = nn.Sequential(
@@ -174,7 +180,7 @@ class Structured(Network):
         self.register_buffer("group_of_class", torch.tensor(GROUP_OF_CLASS), persistent=False)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        return self._estimate(image, radar, valid).depths
+        return self._estimate(image, radar, valid, ground).depths
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> StructuredOutputs:
@@ -182,9 +188,9 @@ class Structured(Network):
 
         Which decoder a pixel's depth is from passes no gradient, as in the paper: classes are learned from classes.
         """
-        return self._estimate(image, radar, valid)
+        return self._estimate(image, radar, valid, ground)
 
-    def _estimate(self, image: Tensor, radar: Tensor, valid: Tensor) -> StructuredOutputs:
+    def _estimate(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> StructuredOutputs:
         size = (image.shape[2], image.shape[3])
         image_map = self.image_encoder(image)[4]
         drawn = draw_nearest(radar, valid, size[0], size[1], 1)
@@ -192,6 +198,8 @@ class Structured(Network):
         known = (drawn > 0).to(image.dtype)
         radar_map, coarse_logit, reached = self.radar_encoder(plane.to(image.dtype), known)
         joined = self.join(torch.cat([image_map, radar_map], dim=1))
+        if self.ground is not None:
+            joined = self.ground(ground, joined)
         features: list[Tensor] = []
         results: list[Tensor] = []
         for decoder in self.decoders:
@@ -206,12 +214,12 @@ class Structured(Network):
             logits = _enlarged(result, size)
             classes = logits.argmax(dim=1, keepdim=True)
             class_logits = logits
-        dense = self._fused(results, classes)
+        dense = self._fused(results, classes, ground)
         # Not in the paper; so that the depth is learned as without, nothing passes back into the decoders.
         confidence_logit = _enlarged(self.confidence(torch.cat([x.detach() for x in features], dim=1)), size)
         confidence = torch.sigmoid(confidence_logit)
         # Not blended between what a return reaches and what none does.
-        coarse = functional.interpolate(self._depth(coarse_logit.float()), size, mode="nearest")
+        coarse = functional.interpolate(self._metres(coarse_logit.float()), size, mode="nearest")
         is_reached = functional.interpolate(reached.float(), size, mode="nearest") > 0
         semi_dense = self._near_returns(coarse, is_reached, dense, confidence)
         if classes is not None:
@@ -219,23 +227,27 @@ class Structured(Network):
         depths = Depths(dense, semi_dense, confidence, classes)
         return StructuredOutputs(depths, confidence_logit, coarse, is_reached, class_logits)
 
-    def _fused(self, results: list[Tensor], classes: Tensor | None) -> Tensor:
+    def _fused(self, results: list[Tensor], classes: Tensor | None, ground: Tensor) -> Tensor:
         """One depth from the decoders' results, (B, 1, H, W) metres (section 3.4).
 
         Args:
-            results: Logits of the depth's plane (B, 1, H, W); of `conf` with the confidence's, (B, 2, H, W).
+            results: Logits of the depth's plane; then, with `ground_prior`, of the road's share in it; and of `conf`
+                of the confidence. (B, values, H, W).
             classes: (B, 1, H, W) int64, of `seg`.
+            ground: (B, 4).
         """
+        # (B, decoders, values, H, W)
+        values = torch.stack(results, dim=1)
         if self.weighs:
             # Deviation: the weights of a pixel sum up to 1, so that its depth stays within the range.
-            both = torch.stack(results, dim=1)
-            shares = torch.softmax(both[:, :, 1], dim=1)
-            return (shares * self._depth(both[:, :, 0])).sum(dim=1, keepdim=True)
-        logits = torch.cat(results, dim=1)
+            shares = torch.softmax(values[:, :, -1], dim=1)
+            depths = [self._depth(values[:, index], ground) for index in range(values.shape[1])]
+            return (shares * torch.cat(depths, dim=1)).sum(dim=1, keepdim=True)
         if classes is not None:
-            return self._depth(torch.gather(logits, 1, self.group_of_class[classes]))
+            index = self.group_of_class[classes].unsqueeze(2).expand(-1, -1, values.shape[2], -1, -1)
+            return self._depth(torch.gather(values, 1, index)[:, 0], ground)
         # Deviation: `add` sums before the depth is bounded; the sum of three bounded ones would leave the range.
-        return self._depth(logits.sum(dim=1, keepdim=True))
+        return self._depth(values.sum(dim=1), ground)
 
     def _near_returns(self, coarse: Tensor, reached: Tensor, dense: Tensor, confidence: Tensor) -> Tensor:
         """The semi-dense depth: the coarse one near returns, where it can be trusted; NaN elsewhere.
@@ -247,7 +259,14 @@ class Structured(Network):
         score = confidence.detach() * torch.exp(-apart / self.agreement)
         return torch.where(reached & (score > self.threshold), coarse, torch.full_like(coarse, float("nan")))
 
-    def _depth(self, logit: Tensor) -> Tensor:
+    def _depth(self, logits: Tensor, ground: Tensor) -> Tensor:
+        """Metres (B, 1, H, W) of a decoder's result (B, values, H, W)."""
+        depth_m = self._metres(logits[:, :1])
+        if self.ground is not None:
+            depth_m = self.ground.blend(depth_m, logits[:, 1:2], ground)
+        return depth_m
+
+    def _metres(self, logit: Tensor) -> Tensor:
         # Deviation: the decoders' range is that of the logarithm of depth, as everywhere in this package.
         return plane_to_depth(torch.sigmoid(logit), self.min_depth_m, self.max_depth_m)
 

@@ -9,7 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from radcam_depth_ros import configuration
-from radcam_depth_ros.training import losses
+from radcam_depth_ros.training import cafnet_losses, lircdepth_losses, losses, structured_losses
 from radcam_depth_ros.training.batches import Batch
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import TrainingError
@@ -19,6 +19,9 @@ TotalLoss = Callable[[Any, Batch, float, Any, Ranks], tuple[Tensor, dict[str, Te
 
 _KINDS: dict[str, tuple[type[Any], TotalLoss]] = {
     "baff": (losses.LossConfig, losses.total_loss),
+    "cafnet": (cafnet_losses.CafnetLossConfig, cafnet_losses.total_loss),
+    "lircdepth": (lircdepth_losses.LircdepthLossConfig, lircdepth_losses.total_loss),
+    "structured": (structured_losses.StructuredLossConfig, structured_losses.total_loss),
 }
 """By network: the dataclass of weights and thresholds, and the losses that they belong to."""
 

@@ -21,7 +21,7 @@ from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Work
 from radcam_depth_ros.training.criterion import Criterion
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
 from radcam_depth_ros.training.gradients import optimiser_of, share_gradients
-from radcam_depth_ros.training.initial import blend, load_backbones, load_initial
+from radcam_depth_ros.training.initial import Sources, blend, load_backbones, load_initial
 from radcam_depth_ros.training.normalisation import freeze_statistics, join_batch_norms
 from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
 from radcam_depth_ros.training.page import panels_of, write_page
@@ -29,6 +29,7 @@ from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
 from radcam_depth_ros.training.samples import TrainingError, TrainingSample
+from radcam_depth_ros.training.teacher import Teacher
 from radcam_depth_ros.training.validation import ValidationResult, validate
 
 CHECKPOINT = "last.pt"
@@ -89,12 +90,11 @@ class Trainer:
         folder: Of the run; holds checkpoint, archive, metrics and page.
         observer: Told of each step.
         resume: Go on from the folder's checkpoint.
-        initial: Weights to start from, an archive of the same architecture; else they are random.
+        sources: Weights that it starts or learns from.
         ranks: The processes that train together; the first of them alone writes.
-        backbone_weights: Public weights for its backbones, see `initial.load_backbones`.
 
     Raises:
-        TrainingError: when checkpoint, initial weights, samples or parts do not fit, or the device is missing.
+        TrainingError: when checkpoint, sources, samples or parts do not fit, or the device is missing.
     """
 
     def __init__(
@@ -105,9 +105,8 @@ class Trainer:
         folder: Path,
         observer: Observer,
         resume: bool,
-        initial: str | Path | None = None,
+        sources: Sources | None = None,
         ranks: Ranks | None = None,
-        backbone_weights: str | None = None,
     ) -> None:
         self._name = network
         self._data = data
@@ -115,6 +114,7 @@ class Trainer:
         self._folder = folder
         self._observer = observer
         self._ranks = ranks or Ranks()
+        sources = sources or Sources()
         self._precision = Precision.choose(config.precision, config.device)
         torch.manual_seed(config.seed)
         self.network = networks.create(network, config.architecture)
@@ -124,17 +124,17 @@ class Trainer:
             self._ranks.part_of(stage.batch)
         self._validation = _spread(data.validation, config.validation.frames)
         self._rehearsal = _spread(data.rehearsal_validation, config.validation.frames)
-        if initial is not None and not resume:
-            load_initial(self.network, network, initial)
-        if backbone_weights is not None and not resume:
-            load_backbones(self.network, backbone_weights)
+        if sources.initial is not None and not resume:
+            load_initial(self.network, network, sources.initial)
+        if sources.backbones is not None and not resume:
+            load_backbones(self.network, sources.backbones)
         self.network.to(self._precision.device)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
         averaged = AveragedWeights(self.network, config.optimiser.average_decay)
         if self._ranks.size > 1:
             join_batch_norms(self.network, self._ranks)
         self._working = Working(self.network, averaged, optimiser_of(self.network, config.optimiser))
-        if initial is not None and config.initial_share > 0:
+        if sources.initial is not None and config.initial_share > 0:
             self._working.initial.update(
                 {name: value.clone().cpu() for name, value in self.network.state_dict().items()}
             )
@@ -146,7 +146,10 @@ class Trainer:
                     f"the run in {folder} was trained on {self.state.samples} samples, and now there are "
                     f"{len(data.train)}; give the same bags, or start another run"
                 )
-        self._is_tuned = initial is not None
+        self._is_tuned = sources.initial is not None
+        self._teacher = None
+        if sources.teacher is not None:
+            self._teacher = Teacher(sources.teacher, self.network, config.distillation, self._precision)
         if self._ranks.is_first:
             self._log = MetricsLog(folder / METRICS, self.state.step if resume else None, config.tensorboard)
         self._maker = BatchMaker(data.train, config.augmentation, config.seed, data.rehearsal, config.rehearsal.share)
@@ -226,6 +229,9 @@ class Trainer:
         with self._precision.autocast():
             outputs = self.network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
         total, parts = self._criterion(outputs, batch, self.network.config.max_depth_m, self._ranks)
+        if self._teacher is not None:
+            told, parts_told = self._teacher.loss(outputs, self._name, batch, self._ranks)
+            total, parts = total + told, {**parts, **parts_told}
         optimiser.zero_grad(set_to_none=True)
         total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
         share_gradients(self.network, self._ranks)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import pickle
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -15,6 +16,21 @@ from radcam_depth_ros.networks import archive
 from radcam_depth_ros.networks.mobilenet import MobileNetV2
 from radcam_depth_ros.networks.resnet import ResNet
 from radcam_depth_ros.training.samples import TrainingError
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The weights that a training makes use of; each a network's name, for those of the package, or a weight file.
+
+    Attributes:
+        initial: What it starts from, of the same architecture; random weights where there are none.
+        backbones: What the network's backbones start from, see `load_backbones`.
+        teacher: What it learns from besides the ground truth, see `teacher`.
+    """
+
+    initial: str | None = None
+    backbones: str | None = None
+    teacher: str | None = None
 
 
 def load_initial(network: networks.Network, name: str, source: str | Path) -> None:

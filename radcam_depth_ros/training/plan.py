@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import yaml
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.files import write_text
+from radcam_depth_ros.training.initial import Sources
 from radcam_depth_ros.training.recipe import TrainingConfig
 from radcam_depth_ros.training.samples import TrainingError
 
@@ -26,9 +27,7 @@ class RunPlan:
         validation_bags: Bags to choose the best weights by; some of `bags` are held out where there are none.
         rehearsal_bags: Bags to rehearse; simulated where there are none and the recipe rehearses.
         cache: Folder of prepared samples.
-        backbone_weights: What the network's backbones start from, see `initial.load_backbones`.
-        ground_truth: As in `DriveSettings`.
-        init: Weights to start from: a network's name, or a file; random where there are none.
+        sources: Weights that it starts or learns from.
         ground_truth: Which one is taken of the bags, see `DriveSettings`.
     """
 
@@ -38,8 +37,7 @@ class RunPlan:
     validation_bags: tuple[str, ...] = ()
     rehearsal_bags: tuple[str, ...] = ()
     cache: str = "cache"
-    init: str | None = None
-    backbone_weights: str | None = None
+    sources: Sources = field(default_factory=Sources)
     ground_truth: str = "any"
 
     def write(self, folder: Path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from radcam_depth_ros.training.augmentation import AugmentationConfig
+from radcam_depth_ros.training.distillation import DistillationConfig
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.rehearsal import RehearsalConfig
 from radcam_depth_ros.training.samples import TrainingError
@@ -127,6 +128,7 @@ class TrainingConfig:
         stages: Crops, and which parts learn.
         optimiser: Optimiser.
         loss: Weights and thresholds of the network's losses that differ from their defaults, see `criterion`.
+        distillation: Weights of what a teacher tells, if there is one.
         augmentation: Augmentation.
         validation: Validation.
         rehearsal: What is repeated of a former training.
@@ -147,6 +149,7 @@ class TrainingConfig:
     stages: tuple[StageConfig, ...] = (StageConfig(1.0, ((320, 256), (224, 384)), 4),)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
     loss: Mapping[str, Any] = field(default_factory=dict)
+    distillation: DistillationConfig = field(default_factory=DistillationConfig)
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
     validation: ValidationConfig = field(default_factory=ValidationConfig)
     rehearsal: RehearsalConfig = field(default_factory=RehearsalConfig)
@@ -192,3 +195,16 @@ FINE_TUNING = TrainingConfig(
     freeze_statistics=True,
 )
 """The recipe for weights that are trained already: gently, briefly, and rehearsing simulated drives."""
+
+_AT_315_PX = (StageConfig(1.0, ((192, 192), (160, 256)), 4),)
+_RECIPES: dict[str, TrainingConfig] = {
+    "cafnet": TrainingConfig(stages=_AT_315_PX, optimiser=OptimiserConfig(learning_rate=5e-4)),
+    "lircdepth": TrainingConfig(stages=_AT_315_PX),
+    "structured": TrainingConfig(stages=_AT_315_PX),
+}
+"""By network, where its recipe differs from that of `baff`, which is the default."""
+
+
+def recipe_of(network: str) -> TrainingConfig:
+    """How a network is trained from nothing, if nothing else is said; `config/train/<network>.yaml`."""
+    return _RECIPES.get(network, TrainingConfig())

@@ -12,7 +12,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.networks.cafnet import ConfidenceGate, SparseStem
+from radcam_depth_ros.networks.cafnet import Cafnet, ConfidenceGate, SparseStem
 from radcam_depth_ros.networks.patches import around, covered
 from radcam_depth_ros.networks.planar_guidance import PlanarGuidance
 
@@ -25,7 +25,7 @@ def test_parameters_and_operations_are_those_of_the_paper() -> None:
     Its 685 G are multiply-adds, each counted once; torch counts two.
     """
     with torch.device("meta"):
-        network = networks.create("cafnet").eval()
+        network = networks.create("cafnet", Cafnet.paper).eval()
         image, radar, valid = torch.rand(1, 3, 896, 1600), torch.rand(1, 60, 6), torch.ones(1, 60, dtype=torch.bool)
         ground = torch.rand(1, 4)
     parameters = sum(value.numel() for value in network.parameters())

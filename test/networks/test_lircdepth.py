@@ -11,14 +11,14 @@ from torch.utils.flop_counter import FlopCounterMode
 from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks.cafnet import CHANNELS
-from radcam_depth_ros.networks.lircdepth import IMAGE_CHANNELS, RADAR_CHANNELS
+from radcam_depth_ros.networks.lircdepth import IMAGE_CHANNELS, RADAR_CHANNELS, Lircdepth
 from radcam_depth_ros.networks.planar_guidance import PlanarDecoder
 
 
 def test_parameters_and_operations_are_those_of_the_paper() -> None:
     """2.90 + 2.92 + 6.82 M parameters; its 121 G are multiply-adds, each counted once, and torch counts two."""
     with torch.device("meta"):
-        network = networks.create("lircdepth").eval()
+        network = networks.create("lircdepth", Lircdepth.paper).eval()
         image, radar, valid = torch.rand(1, 3, 896, 1600), torch.rand(1, 60, 6), torch.ones(1, 60, dtype=torch.bool)
         ground = torch.rand(1, 4)
     count = {name: sum(value.numel() for value in part.parameters()) for name, part in network.named_children()}

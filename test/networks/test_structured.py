@@ -94,7 +94,7 @@ def test_norms_are_folded_also_where_they_are_numbered() -> None:
 def test_parameters_are_as_many_as_the_papers() -> None:
     """31.95 million, if "MB" of its table 1 means that: no ResNet-34 has less than 85 megabytes."""
     with torch.device("meta"):
-        network = networks.create("structured")
+        network = networks.create("structured", Structured.paper)
     assert sum(value.numel() for value in network.parameters()) == pytest.approx(31.95e6, rel=0.02)
 
 
@@ -109,7 +109,7 @@ def test_only_what_segments_gives_classes(fusion: str) -> None:
 
 
 def fuse(fusion: str, results: list[Tensor], classes: Tensor | None = None) -> Tensor:
-    return small(fusion)._fused(results, classes)
+    return small(fusion, ground_prior=False)._fused(results, classes, torch.full((1, 4), NAN))
 
 
 def logit(depth_m: float) -> Tensor:
@@ -131,6 +131,13 @@ def test_confidences_weigh_depths() -> None:
     shares = torch.log(torch.tensor([0.25, 0.25, 0.5])).reshape(3, 1, 1, 1, 1)
     results = [torch.cat([logit(depth_m), share], dim=1) for depth_m, share in zip((90, 30, 12), shares, strict=True)]
     assert float(fuse("conf", results)) == pytest.approx(0.25 * 90 + 0.25 * 30 + 0.5 * 12, rel=1e-4)
+
+
+def test_a_decoder_may_take_the_roads_depth() -> None:
+    ground = torch.tensor([[0.0, 0.0, 1 / 15.0, 1.0]])
+    for gate, expected in ((-50.0, 40.0), (50.0, 15.0), (0.0, 27.5)):
+        dense = small("add")._fused([torch.cat([logit(40.0), torch.full((1, 1, 1, 1), gate)], dim=1)], None, ground)
+        assert float(dense) == pytest.approx(expected, rel=1e-4)
 
 
 def test_adding_stays_within_the_range() -> None:
@@ -187,7 +194,7 @@ def test_a_script_segments_as_the_network_does() -> None:
         network.eval()
     frozen = archive.freeze(network)
     with torch.inference_mode():
-        expected = network._estimate(*given[:3])
+        expected = network._estimate(*given)
         for _ in range(3):
             got = frozen(*given)
     assert expected.class_logits is not None

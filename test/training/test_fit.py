@@ -17,6 +17,7 @@ from radcam_depth_ros.training import criterion, fit
 from radcam_depth_ros.training.augmentation import AugmentationConfig
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
+from radcam_depth_ros.training.initial import Sources
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
 from radcam_depth_ros.training.rehearsal import RehearsalConfig
@@ -46,7 +47,8 @@ def run(
 ) -> tuple[FitResult, Trainer, Watch]:
     folder.mkdir(exist_ok=True)
     watch = Watch()
-    trainer = Trainer(network, data, config, folder, watch, resume, initial)
+    sources = Sources(initial=None if initial is None else str(initial))
+    trainer = Trainer(network, data, config, folder, watch, resume, sources)
     result = trainer.run(lambda: trainer.state.step >= stop_after)
     return result, trainer, watch
 

@@ -9,7 +9,7 @@ from radcam_depth_ros import configuration
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.criterion import Criterion
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.recipe import FINE_TUNING, OptimiserConfig, StageConfig, TrainingConfig
+from radcam_depth_ros.training.recipe import FINE_TUNING, OptimiserConfig, StageConfig, TrainingConfig, recipe_of
 from radcam_depth_ros.training.samples import TrainingError
 
 RECIPES = sorted((Path(__file__).parents[2] / "config" / "train").glob("*.yaml"))
@@ -28,6 +28,12 @@ def test_the_shipped_recipe_of_baff_is_the_default() -> None:
     known = dataclasses.replace(recipe, loss={})
     assert configuration.as_mapping(known) == configuration.as_mapping(TrainingConfig())
     assert Criterion.of("baff", recipe.loss) == Criterion.of("baff", {})
+
+
+@pytest.mark.parametrize("network", ["cafnet", "lircdepth", "structured"])
+def test_the_shipped_recipes_of_other_networks_are_theirs_by_name(network: str) -> None:
+    recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == network))
+    assert recipe == recipe_of(network)
 
 
 def test_the_shipped_recipe_of_fine_tuning_is_that_of_initial_weights() -> None:
