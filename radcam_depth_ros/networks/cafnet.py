@@ -212,9 +212,10 @@ class Cafnet(Network):
         height, width = image.shape[2], image.shape[3]
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         maps = self.image_encoder(image)
-        placed = list(maps)
+        placed = maps
         if self.ground is not None:
-            placed[4] = self.ground(ground, maps[4])
+            placed = maps[:4]
+            placed.append(self.ground(ground, maps[4]))
         coarse = self.coarse_decoder(placed, self.coarse_encoder(self.sparse(planes))).float()
         coarse_m, logit = self._depth(coarse[:, :1]), coarse[:, 1:]
         confidence = torch.sigmoid(logit)

@@ -230,9 +230,10 @@ class Lircdepth(Network):
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         seen = self.image_affinity(self.image_encoder((image - self.mean) / self.deviation))
         returned = self.radar_affinity(self.radar_encoder(planes))
-        placed = list(seen)
+        placed = seen
         if self.ground is not None:
-            placed[4] = self.ground(ground, seen[4])
+            placed = seen[:4]
+            placed.append(self.ground(ground, seen[4]))
         raw, decoded, shares = self.decoder(placed, returned)
         # From the nearest depth on, not from 0 as in the paper.
         dense = self.min_depth_m + (self.max_depth_m - self.min_depth_m) * torch.sigmoid(raw[:, :1].float())
