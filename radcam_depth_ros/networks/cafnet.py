@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
-from radcam_depth_ros.networks.interface import Depths, Network
+from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.patches import Patches, around, check_patch, covered
 from radcam_depth_ros.networks.planar_guidance import ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
@@ -140,7 +140,7 @@ class ConfidenceGate(nn.Module):
 
 
 @register("cafnet")
-class Cafnet(Network):
+class Cafnet(SinglePass):
     """Both stages; see `interface` for what it takes and gives.
 
     `Depths.confidence` is stage 1's: the probability that a radar return belongs to a pixel, and so that the coarse
@@ -192,15 +192,7 @@ class Cafnet(Network):
         self.ground = prior if config.ground_prior else None
         self.decoder = PlanarDecoder(CHANNELS, config.max_depth_m, 2 if config.ground_prior else 1)
 
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        return self._run(image, radar, valid, ground).depths
-
-    @torch.jit.unused
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> CafnetOutputs:
-        """The forward pass with what the losses need."""
-        return self._run(image, radar, valid, ground)
-
-    def _run(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> CafnetOutputs:
+    def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> CafnetOutputs:
         height, width = image.shape[2], image.shape[3]
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         maps = self.image_encoder(image)

@@ -110,3 +110,20 @@ class Network(nn.Module):
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
         """A NamedTuple of the network's own, with what its losses need; arguments as in `forward`."""
         raise TypeError(f"{type(self).__name__} cannot be trained: it does not define train_outputs")
+
+
+class SinglePass(Network):
+    """A network whose training outputs come from the forward pass as it is; they have the field `depths`."""
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        depths: Depths = self.outputs(image, radar, valid, ground).depths
+        return depths
+
+    @torch.jit.unused
+    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
+        """The forward pass with what the losses need."""
+        return self.outputs(image, radar, valid, ground)
+
+    def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
+        """A NamedTuple of the network's own; arguments as in `forward`."""
+        raise NotImplementedError

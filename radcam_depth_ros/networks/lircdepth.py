@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
-from radcam_depth_ros.networks.interface import Depths, Network
+from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
 from radcam_depth_ros.networks.patches import alike, around, check_patch
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
@@ -167,7 +167,7 @@ class Decoder(nn.Module):
 
 
 @register("lircdepth")
-class Lircdepth(Network):
+class Lircdepth(SinglePass):
     """Two light encoders and a decoder; see `interface` for what it takes and gives.
 
     The paper has neither confidence nor semi-dense depth. The confidence has a head of its own that passes no gradient
@@ -209,15 +209,7 @@ class Lircdepth(Network):
         self.decoder = Decoder(2 if config.ground_prior else 1)
         self.confidence = nn.Conv2d(FINAL_WIDTH, 1, 3, padding=1)
 
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        return self._run(image, radar, valid, ground).depths
-
-    @torch.jit.unused
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
-        """The forward pass with what the losses need."""
-        return self._run(image, radar, valid, ground)
-
-    def _run(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
+    def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
         height, width = image.shape[2], image.shape[3]
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         seen = self.image_affinity(self.image_encoder((image - self.mean) / self.deviation))

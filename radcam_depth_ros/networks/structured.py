@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS
 from radcam_depth_ros.networks.ground import GroundPrior
-from radcam_depth_ros.networks.interface import Depths, Network
+from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.rasterise import depth_to_plane, draw_nearest, plane_to_depth
 from radcam_depth_ros.networks.registry import ArchitectureError, check, register
 from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
@@ -126,7 +126,7 @@ class RadarEncoder(nn.Module):
 
 
 @register("structured")
-class Structured(Network):
+class Structured(SinglePass):
     """The whole network; see `interface` for what it takes and gives."""
 
     config_type = StructuredConfig
@@ -172,18 +172,7 @@ class Structured(Network):
         )
         self.register_buffer("group_of_class", torch.tensor(GROUP_OF_CLASS), persistent=False)
 
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        return self._estimate(image, radar, valid, ground).depths
-
-    @torch.jit.unused
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> StructuredOutputs:
-        """The forward pass with what the losses need.
-
-        Which decoder a pixel's depth is from passes no gradient, as in the paper: classes are learned from classes.
-        """
-        return self._estimate(image, radar, valid, ground)
-
-    def _estimate(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> StructuredOutputs:
+    def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> StructuredOutputs:
         size = (image.shape[2], image.shape[3])
         image_map = self.image_encoder(image)[4]
         drawn = draw_nearest(radar, valid, size[0], size[1], 1)
@@ -205,6 +194,7 @@ class Structured(Network):
             feature, result = self.class_decoder(joined)
             features.append(feature)
             logits = _enlarged(result, size)
+            # Passes no gradient, as in the paper: classes are learned from classes.
             classes = logits.argmax(dim=1, keepdim=True)
             class_logits = logits
         dense = self._fused(results, classes, ground)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -14,41 +14,30 @@ from radcam_depth_ros.training.batches import Batch
 from radcam_depth_ros.training.losses import without_narrow_sky
 from radcam_depth_ros.training.masked import ALONE, masked_mean
 from radcam_depth_ros.training.ranks import Ranks
-from radcam_depth_ros.training.rectified import depth_loss, rectified_depth_loss, sky_loss, smoothness_loss
+from radcam_depth_ros.training.rectified import RectifiedLossConfig, dense_terms, depth_loss
 from radcam_depth_ros.training.samples import TrainingError
 
 
 @dataclass(frozen=True)
-class CafnetLossConfig:
-    """Weights and thresholds of the losses; a weight of 0 switches its term off.
+class CafnetLossConfig(RectifiedLossConfig):
+    """Weights and thresholds of the losses, besides those of the dense depth.
 
     The paper's weights are not in METHODS; `coarse` and `confidence` are those of the public baseline.
 
     Attributes:
-        depth: Weight of the dense depth's uncertainty-rectified loss.
-        beta: Of its uncertainty: the relative difference at which that is 1 - 1 / e.
         coarse: Weight of the L1 of stage 1's depth.
         confidence: Weight of the binary cross entropy of stage 1's confidence.
         tolerance_m: A pixel belongs to a return around it when their depths differ by less than this.
-        smoothness: Weight of the smoothness.
-        sky: Weight of pixels without any surface or beyond the depth range, which are drawn to the farthest depth.
-        sky_margin_px: Sky this near to a surface does not count.
     """
 
-    depth: float = 1.0
-    beta: float = 0.2
     coarse: float = 0.5
     confidence: float = 1.0
     tolerance_m: float = 0.4
-    smoothness: float = 0.001
-    sky: float = 0.015
-    sky_margin_px: int = 4
 
     def __post_init__(self) -> None:
-        if min(astuple(self)) < 0:
-            raise TrainingError(f"values of the losses must not be negative, got {min(astuple(self))}")
-        if min(self.beta, self.tolerance_m) <= 0:
-            raise TrainingError(f"beta and tolerance_m must be positive, got {self.beta} and {self.tolerance_m}")
+        super().__post_init__()
+        if self.tolerance_m <= 0:
+            raise TrainingError(f"tolerance_m must be positive, got {self.tolerance_m}")
 
 
 def belonging(patches: Patches, radar: Tensor, truth_m: Tensor, tolerance_m: float) -> Tensor:
@@ -74,16 +63,10 @@ def total_loss(
     outputs: CafnetOutputs, batch: Batch, max_depth_m: float, config: CafnetLossConfig, ranks: Ranks = ALONE
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """All losses of a batch; arguments and result as `lircdepth_losses.total_loss`."""
-    dense_m, coarse_m = outputs.depths.dense.float(), outputs.coarse_m.float()
+    total, parts = dense_terms(outputs.depths.dense.float(), batch, max_depth_m, config, ranks)
     accumulated_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
-    single_m = batch.depth_single_m
-    total = dense_m.new_zeros(())
-    parts: dict[str, Tensor] = {}
-    if config.depth > 0:
-        parts["depth"] = rectified_depth_loss(dense_m, accumulated_m, single_m, max_depth_m, config.beta, ranks)
-        total = total + config.depth * parts["depth"]
     if config.coarse > 0:
-        parts["coarse"] = depth_loss(coarse_m, accumulated_m, max_depth_m, ranks)
+        parts["coarse"] = depth_loss(outputs.coarse_m.float(), accumulated_m, max_depth_m, ranks)
         total = total + config.coarse * parts["coarse"]
     if config.confidence > 0:
         label = belonging(outputs.patches, batch.radar, accumulated_m, config.tolerance_m)
@@ -92,10 +75,4 @@ def total_loss(
         # What no ground truth knows is no negative; the sky is one.
         parts["confidence"] = masked_mean(entropy, ~torch.isnan(accumulated_m), ranks)
         total = total + config.confidence * parts["confidence"]
-    if config.smoothness > 0:
-        parts["smoothness"] = smoothness_loss(dense_m, batch.image, ranks)
-        total = total + config.smoothness * parts["smoothness"]
-    if config.sky > 0:
-        parts["sky"] = sky_loss(dense_m, accumulated_m, max_depth_m, ranks)
-        total = total + config.sky * parts["sky"]
     return total, {name: part.detach() for name, part in parts.items()}

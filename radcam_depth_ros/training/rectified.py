@@ -5,11 +5,73 @@ Equation numbers are those of LiRCDepth (2025); METHODS C.
 
 from __future__ import annotations
 
+from dataclasses import astuple, dataclass
+
 import torch
 from torch import Tensor
 
-from radcam_depth_ros.training.masked import ALONE, masked_mean, sample_mean
+from radcam_depth_ros.training.batches import Batch
+from radcam_depth_ros.training.losses import without_narrow_sky
+from radcam_depth_ros.training.masked import ALONE, masked_mean
 from radcam_depth_ros.training.ranks import Ranks
+from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.smoothness import smoothness_loss
+
+
+@dataclass(frozen=True)
+class RectifiedLossConfig:
+    """Weights and thresholds of what both networks learn of the dense depth; a weight of 0 switches its term off.
+
+    Attributes:
+        depth: Weight of the uncertainty-rectified depth loss.
+        beta: Of its uncertainty: the relative difference at which that is 1 - 1 / e.
+        smoothness: Weight of the smoothness.
+        sky: Weight of pixels without any surface or beyond the depth range, which are drawn to the farthest depth.
+        sky_margin_px: Sky this near to a surface does not count.
+    """
+
+    depth: float = 1.0
+    beta: float = 0.2
+    smoothness: float = 0.001
+    sky: float = 0.015
+    sky_margin_px: int = 4
+
+    def __post_init__(self) -> None:
+        if min(astuple(self)) < 0:
+            raise TrainingError(f"values of the losses must not be negative, got {min(astuple(self))}")
+        if self.beta <= 0:
+            raise TrainingError(f"beta must be positive, got {self.beta}")
+
+
+def dense_terms(
+    dense_m: Tensor, batch: Batch, max_depth_m: float, config: RectifiedLossConfig, ranks: Ranks = ALONE
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """The losses of the dense depth.
+
+    Args:
+        dense_m: (B, 1, H, W) metres.
+        batch: What the network was given, with ground truth.
+        max_depth_m: Farthest depth that the network gives.
+        config: Weights.
+        ranks: The processes that share the batch; each gets its part of the losses, whose sum is that of the batch.
+
+    Returns:
+        The total, and its parts before weighting, by name.
+    """
+    accumulated_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
+    total = dense_m.new_zeros(())
+    parts: dict[str, Tensor] = {}
+    if config.depth > 0:
+        single_m = batch.depth_single_m
+        parts["depth"] = rectified_depth_loss(dense_m, accumulated_m, single_m, max_depth_m, config.beta, ranks)
+        total = total + config.depth * parts["depth"]
+    if config.smoothness > 0:
+        parts["smoothness"] = smoothness_loss(dense_m, batch.image, ranks)
+        total = total + config.smoothness * parts["smoothness"]
+    if config.sky > 0:
+        parts["sky"] = sky_loss(dense_m, accumulated_m, max_depth_m, ranks)
+        total = total + config.sky * parts["sky"]
+    return total, parts
 
 
 def uncertainty(predicted_m: Tensor, truth_m: Tensor, beta: float) -> Tensor:
@@ -66,18 +128,3 @@ def depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Rank
 def sky_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Ranks = ALONE) -> Tensor:
     """How far the depth is below the farthest where nothing is in range; arguments as in `rectified_depth_loss`."""
     return masked_mean(max_depth_m - dense_m, truth_m > max_depth_m, ranks)
-
-
-def smoothness_loss(dense_m: Tensor, image: Tensor, ranks: Ranks = ALONE) -> Tensor:
-    """Differences of neighbouring depths, weighing less where the image has an edge.
-
-    Args:
-        dense_m: (B, 1, H, W) metres.
-        image: (B, 3, H, W), 0 to 1.
-        ranks: As in `masked_mean`.
-    """
-    loss = dense_m.new_zeros(())
-    for axis in (2, 3):
-        edge = image.diff(dim=axis).abs().mean(dim=1, keepdim=True)
-        loss = loss + sample_mean(torch.exp(-edge) * dense_m.diff(dim=axis).abs(), ranks)
-    return loss

@@ -15,6 +15,7 @@ from radcam_depth_ros.training.losses import LossConfig, confidence_loss, withou
 from radcam_depth_ros.training.masked import ALONE, masked_mean
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.smoothness import smoothness_loss
 
 _ROAD_CLASSES = tuple(
     number for number, group in enumerate(GROUP_OF_CLASS) if group == tuple(CLASS_GROUPS).index(ROAD_GROUP)
@@ -121,22 +122,6 @@ def depth_loss(
     target = torch.where(counts, truth_m, 0.0).clamp(max=max_depth_m)
     # The paper divides by the number of pixels, not by their weights.
     return masked_mean(weight * (dense_m - target).abs(), counts, ranks)
-
-
-def smoothness_loss(dense_m: Tensor, image: Tensor, ranks: Ranks = ALONE) -> Tensor:
-    """Depth's gradients in metres, each times exp(-|gradient|) of the image, its channels' mean (L_smooth).
-
-    Args:
-        dense_m: (B, 1, H, W) metres.
-        image: (B, 3, H, W), 0 to 1.
-        ranks: As in `depth_loss`.
-    """
-    total = dense_m.new_zeros(())
-    for axis in (2, 3):
-        edges = torch.exp(-image.float().diff(dim=axis).abs().mean(dim=1, keepdim=True))
-        values = dense_m.diff(dim=axis).abs() * edges
-        total = total + masked_mean(values, torch.ones_like(values), ranks)
-    return total
 
 
 def coarse_loss(coarse_m: Tensor, reached: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Ranks = ALONE) -> Tensor:

@@ -194,7 +194,7 @@ def test_a_script_segments_as_the_network_does() -> None:
         network.eval()
     frozen = archive.freeze(network)
     with torch.inference_mode():
-        expected = network._estimate(*given)
+        expected = network.outputs(*given)
         for _ in range(3):
             got = frozen(*given)
     assert expected.class_logits is not None

@@ -16,9 +16,9 @@ from radcam_depth_ros.training.rectified import (
     depth_loss,
     rectified_depth_loss,
     sky_loss,
-    smoothness_loss,
     uncertainty,
 )
+from radcam_depth_ros.training.smoothness import smoothness_loss
 
 NAN, INF = float("nan"), float("inf")
 BETA = 0.2

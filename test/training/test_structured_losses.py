@@ -12,12 +12,12 @@ from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.networks import Depths, StructuredOutputs
 from radcam_depth_ros.training.batches import Batch
 from radcam_depth_ros.training.samples import UNKNOWN_CLASS, TrainingError
+from radcam_depth_ros.training.smoothness import smoothness_loss
 from radcam_depth_ros.training.structured_losses import (
     StructuredLossConfig,
     coarse_loss,
     depth_loss,
     segmentation_loss,
-    smoothness_loss,
     total_loss,
 )
 
