@@ -15,6 +15,7 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.association import FEATURES, OUTSIDE, EmbeddingAssociation, PointEncoder
 from radcam_depth_ros.networks.blocks import QuarterEncoder
+from radcam_depth_ros.networks.caution import Caution, check_caution
 from radcam_depth_ros.networks.choice import Choice, QuarterFusion
 from radcam_depth_ros.networks.fusion import PaperFusion
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs
@@ -34,12 +35,6 @@ from radcam_depth_ros.networks.road import RoadVotes
 
 AGREEMENT = 0.2
 """Relative difference of the stages' depths at which the semi-dense depth counts 1 / e as much as without any."""
-
-LEAN = 0.8
-"""How far, at most, a doubtful depth goes towards the nearest return's or the road's: a share of the logarithm."""
-
-DOUBT_SPAN = 0.3
-"""So far below `caution` the confidence has to be for that."""
 
 PAPER: Mapping[str, Any] = MappingProxyType(
     {
@@ -113,6 +108,7 @@ class BaffConfig:
 
     def __post_init__(self) -> None:
         check(self)
+        check_caution(self.caution)
         if self.association not in ("embedding", "regions"):
             raise ArchitectureError(f"association must be 'embedding' or 'regions', got {self.association!r}")
         if self.fusion not in ("quarter", "paper"):
@@ -125,8 +121,6 @@ class BaffConfig:
             raise ArchitectureError("fusion 'paper' has association 'regions', got 'embedding'; set both")
         if self.region_width_px % CELL_PX or self.region_width_px < CELL_PX:
             raise ArchitectureError(f"region_width_px must be a multiple of {CELL_PX}, got {self.region_width_px}")
-        if not 0 <= self.caution <= 1:
-            raise ArchitectureError(f"caution must lie between 0 and 1, got {self.caution}")
         if self.detail not in (1, 2, 4):
             raise ArchitectureError(f"detail must be 1, 2 or 4, got {self.detail}")
         levels = 2 if self.fusion == "quarter" else 4
@@ -169,9 +163,7 @@ class Baff(Network):
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
         self.agreement = AGREEMENT
-        self.caution = config.caution
-        self.lean = LEAN
-        self.doubt_span = DOUBT_SPAN
+        self.caution = Caution(config.caution)
         self.outside = OUTSIDE
         self.detail = config.detail
         points = PointEncoder(config.focal_length_px, config.min_depth_m, config.max_depth_m)
@@ -286,7 +278,7 @@ class Baff(Network):
         choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
         plane, confidence_logit = choice.plane, choice.confidence_logit
         if not self.training:
-            plane = self._lean(plane, confidence_logit, choice.near)
+            plane = self.caution(plane, confidence_logit, choice.near)
         size = (rows * self.stride, columns * self.stride)
         if self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")
@@ -302,20 +294,6 @@ class Baff(Network):
     def _above_tau(self, score: Tensor, depth: Tensor) -> Tensor:
         """Depth where a score passes tau, else NaN."""
         return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
-
-    def _lean(self, plane: Tensor, confidence_logit: Tensor, near: Tensor) -> Tensor:
-        """The dense depth's plane, nearer where it is doubtful and geometry is nearer.
-
-        Not in the paper. In doubt, what is near matters more than what is behind it, and on pictures unlike those that
-        it was trained on a network doubts often (docs/results.md). Losses see the depth without.
-
-        Args:
-            plane: (B, 1, h, w), the dense depth.
-            confidence_logit: (B, 1, h, w).
-            near: (B, 1, h, w), the nearest return, or the road where that is nearer.
-        """
-        doubt = ((self.caution - torch.sigmoid(confidence_logit)) / self.doubt_span).clamp(0.0, 1.0)
-        return plane - self.lean * doubt * (plane - near).clamp(min=0.0)
 
     def _agreed(self, best: Tensor, depth: Tensor, choice: Choice) -> Tensor:
         """The semi-dense depth: stage 1's return where both stages are sure of it and agree; NaN elsewhere.

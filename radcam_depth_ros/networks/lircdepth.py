@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from radcam_depth_ros.networks.caution import CautiousDepth, check_caution
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
@@ -45,6 +46,7 @@ class LircdepthConfig:
         patch_px: Rows and columns around a return in which a pixel can take its depth, odd; as for `cafnet`.
         tolerance: How far a return's depth may be off the dense depth of such a pixel, as a share of it.
         ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
+        caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
         min_depth_m: Nearest depth that the network gives.
         max_depth_m: Farthest depth that the network gives.
         focal_length_px: The focal length that it is trained at.
@@ -54,12 +56,14 @@ class LircdepthConfig:
     patch_px: tuple[int, int] = (37, 13)
     tolerance: float = 0.1
     ground_prior: bool = True
+    caution: float = 0.7
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
     focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
         check(self)
+        check_caution(self.caution)
         check_patch(self.patch_px)
         if not 0 < self.tolerance < 1:
             raise ArchitectureError(f"tolerance must lie between 0 and 1, got {self.tolerance}")
@@ -186,8 +190,8 @@ class Lircdepth(SinglePass):
         ("confidence", "confidence"),
     )
     backbones = ("image_encoder",)
-    adjustable = ("threshold", "patch_px", "tolerance")
-    paper = MappingProxyType({"ground_prior": False})
+    adjustable = ("threshold", "patch_px", "tolerance", "caution")
+    paper = MappingProxyType({"ground_prior": False, "caution": 0.0})
     mean: Tensor
     deviation: Tensor
 
@@ -206,6 +210,8 @@ class Lircdepth(SinglePass):
         self.radar_affinity = Affinity(PyramidEncoder.CHANNELS, RADAR_CHANNELS)
         prior = GroundPrior(IMAGE_CHANNELS[4], config.min_depth_m, config.max_depth_m)
         self.ground = prior if config.ground_prior else None
+        cautious = CautiousDepth(config.caution, config.min_depth_m, config.max_depth_m)
+        self.cautious = cautious if config.caution > 0 else None
         self.decoder = Decoder(2 if config.ground_prior else 1)
         self.confidence = nn.Conv2d(FINAL_WIDTH, 1, 3, padding=1)
 
@@ -228,6 +234,8 @@ class Lircdepth(SinglePass):
         patches = around(radar, valid, height, width, self.patch_px)
         semi_dense = alike(patches, radar, dense.detach(), self.tolerance)
         semi_dense = torch.where(confidence > self.threshold, semi_dense, torch.full_like(semi_dense, float("nan")))
+        if self.cautious is not None and not self.training:
+            dense = self.cautious(dense, logit, radar, valid, ground)
         inter_depth_m = [self.max_depth_m * share.float() for share in shares]
         features = DistillationFeatures(seen, returned, decoded, inter_depth_m)
         return LircdepthOutputs(Depths(dense, semi_dense, confidence), logit, features)

@@ -118,6 +118,13 @@ class Rasterise(nn.Module):
         return counts.repeat_interleave(self.strip_px // self.stride, dim=2)
 
     @torch.jit.export
+    def near(self, radar: Tensor, valid: Tensor, ground: Tensor, height: int, width: int) -> Tensor:
+        """The nearest return's plane, or the road's where that is nearer, (B, 1, h, w); arguments as in `forward`."""
+        depth, _, _ = self._around(radar.float(), valid, height // self.cell_px, width // self.cell_px)
+        road = self._road(ground, height // self.stride, width // self.stride, float(self.stride))
+        return torch.minimum(road, self.plane(depth))
+
+    @torch.jit.export
     def road(self, ground: Tensor, height: int, width: int) -> Tensor:
         """The flat road's plane of an image of this size, (B, 1, h detail, w detail); `ground` as in `forward`."""
         rows, columns = height // self.stride * self.detail, width // self.stride * self.detail

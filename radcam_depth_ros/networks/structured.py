@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS
+from radcam_depth_ros.networks.caution import CautiousDepth, check_caution
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.rasterise import depth_to_plane, draw_nearest, plane_to_depth
@@ -42,6 +43,7 @@ class StructuredConfig:
         radar_channels: Of the radar branch at 1/2, 1/4, 1/8, 1/16, 1/32.
         joined_channels: Of both branches together at 1/32, from which on decoders halve them four times.
         ground_prior: Take the flat road's depth as an input, and as a depth that each decoder may take.
+        caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
         threshold: tau, from which on a pixel near a return has a semi-dense depth: the confidence, less where coarse
             and dense depth differ.
         min_depth_m: Nearest depth that the network gives.
@@ -55,6 +57,7 @@ class StructuredConfig:
     radar_channels: tuple[int, int, int, int, int] = (16, 16, 32, 64, 128)
     joined_channels: int = 192
     ground_prior: bool = True
+    caution: float = 0.7
     threshold: float = 0.25
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
@@ -62,6 +65,7 @@ class StructuredConfig:
 
     def __post_init__(self) -> None:
         check(self)
+        check_caution(self.caution)
         if self.fusion not in FUSIONS:
             raise ArchitectureError(f"fusion must be one of {', '.join(FUSIONS)}, got {self.fusion!r}")
         if self.backbone not in BLOCKS:
@@ -140,8 +144,10 @@ class Structured(SinglePass):
         ("confidence", "confidence"),
     )
     backbones = ("image_encoder",)
-    adjustable = ("threshold",)
-    paper = MappingProxyType({"fusion": "seg", "backbone": "resnet34", "joined_channels": 256, "ground_prior": False})
+    adjustable = ("threshold", "caution")
+    paper = MappingProxyType(
+        {"fusion": "seg", "backbone": "resnet34", "joined_channels": 256, "ground_prior": False, "caution": 0.0}
+    )
     group_of_class: Tensor
 
     def __init__(self, config: StructuredConfig) -> None:
@@ -160,6 +166,8 @@ class Structured(SinglePass):
         count = 1 if config.fusion == "single" else len(CLASS_GROUPS)
         prior = GroundPrior(width, config.min_depth_m, config.max_depth_m)
         self.ground = prior if config.ground_prior else None
+        cautious = CautiousDepth(config.caution, config.min_depth_m, config.max_depth_m)
+        self.cautious = cautious if config.caution > 0 else None
         values = 1 + int(self.weighs) + int(config.ground_prior)
         self.decoders = nn.ModuleList(UpDecoder(width, values) for _ in range(count))
         self.class_decoder = UpDecoder(width, len(CLASS_NAMES)) if config.fusion == "seg" else None
@@ -205,6 +213,8 @@ class Structured(SinglePass):
         coarse = functional.interpolate(self._metres(coarse_logit.float()), size, mode="nearest")
         is_reached = functional.interpolate(reached.float(), size, mode="nearest") > 0
         semi_dense = self._near_returns(coarse, is_reached, dense, confidence)
+        if self.cautious is not None and not self.training:
+            dense = self.cautious(dense, confidence_logit, radar, valid, ground)
         if classes is not None:
             classes = classes.to(torch.uint8)
         depths = Depths(dense, semi_dense, confidence, classes)
