@@ -6,6 +6,7 @@ This is the only module that touches torch.jit, which torch deprecates: its succ
 
 import hashlib
 import importlib.resources
+import io
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -59,6 +60,11 @@ class Card:
     metrics: dict[str, float] = field(default_factory=dict)
     sha256: str = ""
     card_format: int = CARD_FORMAT
+
+    @property
+    def tells_classes(self) -> bool:
+        """Whether the network gives a class image."""
+        return registry.find(self.network).tells_classes(registry.create_config(self.network, self.architecture))
 
     @classmethod
     def of(cls, network: Network, name: str, training_data: str, metrics: Mapping[str, float] | None = None) -> "Card":
@@ -161,8 +167,14 @@ def freeze(network: nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.
     """
     if isinstance(network, torch.jit.ScriptModule):
         return network
+    # torch keeps all code that it scripts until the process ends, and freezing writes the weights into the code: frozen
+    # is a copy that was read from a file, whose code is its own and goes with it.
+    content = io.BytesIO()
     with _quiet_jit():
-        return cast(torch.jit.ScriptModule, torch.jit.freeze(torch.jit.script(folded(network, dtype))))
+        torch.jit.save(torch.jit.script(folded(network, dtype)), content)
+        content.seek(0)
+        scripted = torch.jit.load(content)  # type: ignore[no-untyped-call]  # torch leaves it without types
+        return cast(torch.jit.ScriptModule, torch.jit.freeze(scripted.eval()))
 
 
 def _load_weights(path: Path) -> Archive:
