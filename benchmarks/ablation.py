@@ -1,15 +1,17 @@
-"""What the parts of `baff` are worth: the same short training with and without each, several seeds.
+"""What the parts of a network are worth: the same short training with and without each, several seeds.
 
 Run it from the repository's root, on simulated drives, of which some are kept for validation and for measuring:
 
     nohup python -m benchmarks.ablation --bags out/drives --validation-bags out/held_out --test-bags out/test \
         --out out/ablation --iterations 2000 --seeds 3 > out/ablation.log &
 
-The rows: the bottom-up branch (BF), channel attention (CA) and position attention (PA), none of them, and all; and
-association by embedding and by regions, with so few returns that both can be trained. Seeds come one after the other,
-so that what is done so far can always be compared. Each training and measurement is kept in --out and not repeated:
-what was cut off goes on when the same command is given. Errors are averaged over whole frames of the test bags, by the
-measures of `radcam-depth evaluate`, at the network's size. At last both associations are timed in turns.
+The rows of `baff`: the bottom-up branch (BF), channel attention (CA) and position attention (PA), none of them, and
+all; and association by embedding and by regions, with so few returns that both can be trained. Of `structured`: how its
+decoders are fused, and the weight of the road (omega). Of `lircdepth`: alone, and taught by all terms of the
+distillation and by each (--teacher). Seeds come one after the other, so that what is done so far can always be
+compared. Each training and measurement is kept in --out and not repeated: what was cut off goes on when the same
+command is given. Errors are averaged over whole frames of the test bags, by the measures of `radcam-depth evaluate`, at
+the network's size. At last `baff`'s associations are timed in turns.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import argparse
 import dataclasses
 import json
 import math
+import re
 import signal
 import statistics
 from collections.abc import Mapping, Sequence
@@ -31,77 +34,48 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.forms import EMBEDDING, FORMS, REGIONS, Form, forms_of
 from benchmarks.short_training import Budget, ShortTraining
 from benchmarks.thinned_bags import thinned_bags
 from radcam_depth_ros.benchmarking.rotation import Schedule, in_rotation
 from radcam_depth_ros.benchmarking.stages import Stage, dissect
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
+from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.cli.options import write_json
-from radcam_depth_ros.evaluation.metrics import DepthAccumulator, SemiDenseAccumulator, json_number
+from radcam_depth_ros.evaluation.classes import ClassMeans
+from radcam_depth_ros.evaluation.metrics import DepthAccumulator, DepthRange, SemiDenseAccumulator, json_number
 from radcam_depth_ros.networks import archive, registry
 from radcam_depth_ros.training.batches import SampleSet, collate
 from radcam_depth_ros.training.cache import CacheSettings, cached_drives
 from radcam_depth_ros.training.data import find_bags
 from radcam_depth_ros.training.samples import TrainingSample
 
-NONE = "none"
-EMBEDDING, REGIONS = "embedding, few returns", "regions, few returns"
-
-
-@dataclass(frozen=True)
-class Form:
-    """A row of the ablation.
-
-    Attributes:
-        architecture: Values of `baff`'s config that differ from its defaults.
-        has_few_returns: Whether it is trained and measured with few returns: regions cost as much as there are.
-    """
-
-    architecture: Mapping[str, Any]
-    has_few_returns: bool = False
-
-
-def _parts(*, bf: bool = False, ca: bool = False, pa: bool = False) -> Form:
-    return Form({"bidirectional": bf, "channel_attention": ca, "position_attention": pa})
-
-
-FORMS = {
-    NONE: _parts(),
-    "BF": _parts(bf=True),
-    "CA": _parts(ca=True),
-    "PA": _parts(pa=True),
-    "BF+CA": _parts(bf=True, ca=True),
-    "BF+PA": _parts(bf=True, pa=True),
-    "all": _parts(bf=True, ca=True, pa=True),
-    EMBEDDING: Form({"association": "embedding"}, has_few_returns=True),
-    REGIONS: Form({"association": "regions"}, has_few_returns=True),
-}
 ERRORS = tuple(f"{measure}_{range_m}" for measure in ("mae", "rmse") for range_m in (50, 70, 80))
-COLUMNS = (*ERRORS, "coverage", "semi_dense_mae")
+SUMMARY = (*ERRORS, "coverage", "semi_dense_mae")
+CLASSES = tuple(f"class_{name}" for name in CLASS_NAMES)
+"""The dense depth's MAE within 80 m where a pixel shows a class."""
+COLUMNS = (*SUMMARY, *CLASSES)
 LAST_VALIDATION_FRAMES = 20
 """Of the one validation that ends a training; errors are measured after it, on more."""
-
-
-def reference_of(name: str) -> str:
-    """The form that a form is held against."""
-    return EMBEDDING if FORMS[name].has_few_returns else NONE
 
 
 def measure(weights: Path, samples: Sequence[TrainingSample]) -> dict[str, float]:
     """The errors of a network over whole frames, by `COLUMNS`."""
     network = archive.load(weights).network
-    dense, semi_dense = DepthAccumulator(), SemiDenseAccumulator()
+    dense, semi_dense, classes = DepthAccumulator(), SemiDenseAccumulator(), ClassMeans(DepthRange.within(80.0))
     for sample in samples:
         batch = collate([sample])
         with torch.inference_mode():
             depths = network(batch.image, batch.radar, batch.valid, batch.ground)
-        truth_m = sample.depth_m.astype(np.float32)
-        dense.add(depths.dense[0, 0].numpy(), truth_m)
+        truth_m, dense_m = sample.depth_m.astype(np.float32), depths.dense[0, 0].numpy()
+        dense.add(dense_m, truth_m)
         semi_dense.add(depths.semi_dense[0, 0].numpy(), truth_m)
+        classes.add(dense_m, truth_m, sample.classes)
     values = {f"mae_{entry.name}": entry.mae for entry in dense.result()}
     values |= {f"rmse_{entry.name}": entry.rmse for entry in dense.result()}
     covered = semi_dense.result()
-    return {**values, "coverage": covered.coverage, "semi_dense_mae": covered.metrics[-1].mae}
+    values |= {"coverage": covered.coverage, "semi_dense_mae": covered.metrics[-1].mae}
+    return {**values, **dict.fromkeys(CLASSES, math.nan), **{f"class_{e.name}": e.mae for e in classes.result()[0]}}
 
 
 @dataclass(frozen=True)
@@ -116,9 +90,9 @@ class _Group:
     budget: Budget
     test_bags: tuple[Path, ...]
 
-    def samples(self, count: int) -> tuple[TrainingSample, ...]:
-        """Frames of the test bags, evenly spread."""
-        config = registry.create_config("baff", {})
+    def samples(self, network: str, count: int) -> tuple[TrainingSample, ...]:
+        """Frames of the test bags, evenly spread, as a network takes them."""
+        config = registry.create_config(network, {})
         settings = CacheSettings(config.focal_length_px, config.max_depth_m)
         samples = SampleSet.of(cached_drives(self.test_bags, self.budget.cache, settings))
         return tuple(samples[index] for index in samples.spread(count))
@@ -157,14 +131,18 @@ class Ablation:
         """Trains and measures a form with a seed."""
         form = FORMS[name]
         group = self._groups[form.has_few_returns]
-        folder = self._options.out / f"{name.replace(', ', '_').replace(' ', '_').replace('+', '_')}_{seed}"
-        training = ShortTraining(folder, group.budget, form.architecture, seed)
+        folder = self._options.out / f"{re.sub(r'[^a-z0-9.]+', '_', name.lower())}_{seed}"
+        sources = {"--teacher": str(self._options.teacher)} if form.is_taught else {}
+        if form.is_taught and self._options.teacher is None:
+            raise SystemExit(f"{name} learns from a teacher: give its weight file with --teacher")
+        budget = dataclasses.replace(group.budget, recipe={**group.budget.recipe, **form.recipe})
+        training = ShortTraining(folder, budget, form.network, form.architecture, seed, sources)
         training.run()
         path = folder / "errors.json"
         asked = {"bags": [str(bag.resolve()) for bag in group.test_bags], "frames": self._options.frames}
         known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
         if {key: known.get(key) for key in asked} != asked:
-            found = measure(training.weights, group.samples(self._options.frames))
+            found = measure(training.weights, group.samples(form.network, self._options.frames))
             known = {**asked, "errors": {column: json_number(value) for column, value in found.items()}}
             write_json(known, str(path))
         # Where the semi-dense depth is empty it has no error.
@@ -185,7 +163,7 @@ class Ablation:
                     "seeds": {str(seed): _plain(row) for seed, row in rows.items()},
                     "mean": _plain({column: statistics.fmean(_column(rows, column)) for column in COLUMNS}),
                     "spread": _plain({column: _spread(_column(rows, column)) for column in COLUMNS}),
-                    "against": reference_of(name),
+                    "against": FORMS[name].against,
                     "relative": {
                         column: dict(
                             zip(("mean", "spread"), map(json_number, relative(self.errors, name, column)), strict=True)
@@ -217,26 +195,30 @@ def relative(errors: Mapping[str, Mapping[int, Mapping[str, float]]], name: str,
 
     NaN where there are none, or too few to say.
     """
-    rows, others = errors[name], errors.get(reference_of(name), {})
+    rows, others = errors[name], errors.get(FORMS[name].against, {})
     ratios = [rows[seed][column] / others[seed][column] - 1.0 for seed in rows if seed in others]
     return (statistics.fmean(ratios), _spread(ratios)) if ratios else (math.nan, math.nan)
 
 
-def tables(ablation: Ablation) -> tuple[Table, Table]:
-    """Errors, and errors relative to the form without the parts; each mean ± deviation over seeds."""
-    absolute, change = Table(title="Error in metres"), Table(title="Change of the error against none, or embedding")
-    for table, columns in ((absolute, COLUMNS), (change, ERRORS)):
-        table.add_column("form")
-        table.add_column("seeds", justify="right")
-        for column in columns:
-            table.add_column(column.replace("_", " "), justify="right")
-    for name, rows in ablation.errors.items():
-        if rows:
-            cells = [_cell(_column(rows, column), column) for column in COLUMNS]
-            absolute.add_row(name, str(len(rows)), *cells)
-            pairs = (relative(ablation.errors, name, column) for column in ERRORS)
-            change.add_row(name, str(len(rows)), *(_percent(mean, spread) for mean, spread in pairs))
-    return absolute, change
+def tables(ablation: Ablation) -> tuple[Table, ...]:
+    """Errors, those by class, and errors relative to the form it is held against; each mean ± deviation over seeds."""
+    done = {name: rows for name, rows in ablation.errors.items() if rows}
+    absolute, by_class = Table(title="Error in metres"), Table(title="MAE in metres within 80 m, by class")
+    for table, columns in ((absolute, SUMMARY), (by_class, CLASSES)):
+        _head(table, "form", "seeds", *columns)
+        for name, rows in done.items():
+            table.add_row(name, str(len(rows)), *(_cell(_column(rows, column), column) for column in columns))
+    change = Table(title="Change of the error")
+    _head(change, "form", "against", *ERRORS)
+    for name in done:
+        pairs = (relative(ablation.errors, name, column) for column in ERRORS)
+        change.add_row(name, FORMS[name].against, *(_percent(mean, spread) for mean, spread in pairs))
+    return absolute, by_class, change
+
+
+def _head(table: Table, *columns: str) -> None:
+    for index, column in enumerate(columns):
+        table.add_column(column.removeprefix("class_").replace("_", " "), justify="left" if index == 0 else "right")
 
 
 def _cell(values: Sequence[float], column: str) -> str:
@@ -270,7 +252,7 @@ def time_associations(size: tuple[int, int], returns: Sequence[int], rounds: int
 
 
 def _association(form: Form, size: Size) -> Stage:
-    running = Running.start(Subject("baff", architecture=form.architecture, precision="float32"))
+    running = Running.start(Subject(form.network, architecture=form.architecture, precision="float32"))
     (stage,) = dissect(running, NetworkInputs.synthetic(size, running.focal_length_px), "association").stages
     return stage
 
@@ -293,13 +275,17 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--test-bags", type=Path, nargs="+", help="to measure on; --validation-bags by default")
     parser.add_argument("--config", type=Path, help="a recipe as of `train --config`, for what is not given here")
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--forms", nargs="+", choices=FORMS, default=list(FORMS), metavar="NAME")
+    parser.add_argument("--network", choices=sorted({form.network for form in FORMS.values()}), default="baff")
+    parser.add_argument("--forms", nargs="+", choices=FORMS, metavar="NAME", help="all of --network by default")
+    parser.add_argument("--first-seed", type=int, default=0, help="of --seeds that follow one another")
+    parser.add_argument("--teacher", type=Path, help="weights that taught forms learn from")
     parser.add_argument("--returns", type=int, default=24, help="of the forms with few returns")
-    parser.add_argument("--time-returns", type=int, nargs="*", default=[10, 30, 100], help="none: no timing")
+    parser.add_argument("--time-returns", type=int, nargs="*", default=[10, 30, 100], help="of `baff`; none: no timing")
     parser.add_argument("--rounds", type=int, default=20, help="turns of the timing")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     options.test_bags = options.test_bags or options.validation_bags
+    options.forms = options.forms or list(forms_of(options.network))
     return options
 
 
@@ -314,7 +300,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _stop)
     options.out.mkdir(parents=True, exist_ok=True)
     console, ablation = Console(stderr=options.json == "-"), Ablation(options)
-    for seed in range(options.seeds):
+    for seed in range(options.first_seed, options.first_seed + options.seeds):
         for name in options.forms:
             errors = ablation.run(name, seed)
             console.print(f"{name}, seed {seed}: MAE {errors['mae_80']:.3f} m, RMSE {errors['rmse_80']:.3f} m (80 m)")
@@ -322,7 +308,7 @@ def main() -> None:
     for table in tables(ablation):
         console.print(table)
     figures = ablation.as_json()
-    if options.time_returns:
+    if options.time_returns and options.network == "baff":
         size = (448, 800)
         figures["association_time"] = time_associations(size, options.time_returns, options.rounds)
         console.print(time_table(figures["association_time"]))

@@ -98,21 +98,23 @@ class ShortTraining:
     Attributes:
         folder: Of the run.
         budget: What it has in common with others.
-        architecture: Values of `baff`'s config that differ from its defaults.
+        network: Its name in the registry.
+        architecture: Values of its config that differ from its defaults.
         seed: Of weights, order and augmentation.
-        backbone_weights: As `radcam-depth train --backbone-weights`.
+        sources: Options of `radcam-depth train` for weights that it starts or learns from: `--teacher`, for example.
     """
 
     folder: Path
     budget: Budget
+    network: str
     architecture: Mapping[str, Any]
     seed: int = 0
-    backbone_weights: str | None = None
+    sources: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def weights(self) -> Path:
         """The trained weights."""
-        return self.folder / "baff.safetensors"
+        return self.folder / f"{self.network}.safetensors"
 
     def run(self) -> dict[str, float]:
         """Trains, or goes on where it was cut off; at once where it is done. Its only validation.
@@ -141,9 +143,8 @@ class ShortTraining:
             shutil.rmtree(self.folder, ignore_errors=True)
             for option, bags in (("--bags", self.budget.bags), ("--validation-bags", self.budget.validation_bags)):
                 command += [word for bag in bags for word in (option, str(bag))]
-            command += ["--config", str(recipe), "--cache", str(self.budget.cache)]
-            if self.backbone_weights is not None:
-                command += ["--backbone-weights", self.backbone_weights]
+            command += ["--network", self.network, "--config", str(recipe), "--cache", str(self.budget.cache)]
+            command += [word for option in self.sources.items() for word in option]
         log = self.folder.with_name(f"{self.folder.name}.log")
         with log.open("a", encoding="utf-8") as file:
             done = subprocess.run(command, stdout=file, stderr=subprocess.STDOUT, check=False)

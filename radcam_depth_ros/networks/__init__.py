@@ -1,6 +1,7 @@
 """The networks: torch only. `create` builds one by name, `archive` reads and writes their weights."""
 
 from radcam_depth_ros.networks.baff import Baff, BaffConfig
+from radcam_depth_ros.networks.baseline import Baseline
 from radcam_depth_ros.networks.cafnet import Cafnet, CafnetConfig, CafnetOutputs
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Association, Candidates, Depths, Network, TrainOutputs
@@ -14,6 +15,7 @@ __all__ = [
     "Association",
     "Baff",
     "BaffConfig",
+    "Baseline",
     "Cafnet",
     "CafnetConfig",
     "CafnetOutputs",

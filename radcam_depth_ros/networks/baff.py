@@ -29,7 +29,7 @@ from radcam_depth_ros.networks.rasterise import (
     plane_to_depth,
 )
 from radcam_depth_ros.networks.regions import RegionAssociation
-from radcam_depth_ros.networks.registry import ArchitectureError, register
+from radcam_depth_ros.networks.registry import ArchitectureError, check, register
 from radcam_depth_ros.networks.road import RoadVotes
 
 AGREEMENT = 0.2
@@ -112,6 +112,7 @@ class BaffConfig:
     focal_length_px: float = 630.0
 
     def __post_init__(self) -> None:
+        check(self)
         if self.association not in ("embedding", "regions"):
             raise ArchitectureError(f"association must be 'embedding' or 'regions', got {self.association!r}")
         if self.fusion not in ("quarter", "paper"):
@@ -124,12 +125,6 @@ class BaffConfig:
             raise ArchitectureError("fusion 'paper' has association 'regions', got 'embedding'; set both")
         if self.region_width_px % CELL_PX or self.region_width_px < CELL_PX:
             raise ArchitectureError(f"region_width_px must be a multiple of {CELL_PX}, got {self.region_width_px}")
-        if not 0 < self.min_depth_m < self.max_depth_m:
-            raise ArchitectureError(
-                f"the depth range must be 0 < min < max metres, got {self.min_depth_m} to {self.max_depth_m}"
-            )
-        if not 0 < self.threshold < 1:
-            raise ArchitectureError(f"threshold must lie between 0 and 1, got {self.threshold}")
         if not 0 <= self.caution <= 1:
             raise ArchitectureError(f"caution must lie between 0 and 1, got {self.caution}")
         if self.detail not in (1, 2, 4):

@@ -15,10 +15,10 @@ from torch.nn import functional
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, Network
-from radcam_depth_ros.networks.patches import Patches, around, covered
+from radcam_depth_ros.networks.patches import Patches, around, check_patch, covered
 from radcam_depth_ros.networks.planar_guidance import ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
-from radcam_depth_ros.networks.registry import ArchitectureError, register
+from radcam_depth_ros.networks.registry import check, register
 from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
 from radcam_depth_ros.networks.sparse import SparseConv
 
@@ -51,16 +51,8 @@ class CafnetConfig:
     focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.threshold < 1:
-            raise ArchitectureError(f"threshold must lie between 0 and 1, got {self.threshold}")
-        if not 0 < self.min_depth_m < self.max_depth_m:
-            raise ArchitectureError(
-                f"the depth range must be 0 < min < max metres, got {self.min_depth_m} to {self.max_depth_m}"
-            )
-        if min(self.patch_px) < 1 or not all(side % 2 for side in self.patch_px):
-            raise ArchitectureError(f"patch_px must be two odd numbers of pixels, got {self.patch_px}")
-        if self.focal_length_px <= 0:
-            raise ArchitectureError(f"focal_length_px must be positive, got {self.focal_length_px}")
+        check(self)
+        check_patch(self.patch_px)
 
 
 class CafnetOutputs(NamedTuple):
@@ -212,9 +204,10 @@ class Cafnet(Network):
         height, width = image.shape[2], image.shape[3]
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         maps = self.image_encoder(image)
-        placed = list(maps)
+        placed = maps
         if self.ground is not None:
-            placed[4] = self.ground(ground, maps[4])
+            placed = maps[:4]
+            placed.append(self.ground(ground, maps[4]))
         coarse = self.coarse_decoder(placed, self.coarse_encoder(self.sparse(planes))).float()
         coarse_m, logit = self._depth(coarse[:, :1]), coarse[:, 1:]
         confidence = torch.sigmoid(logit)

@@ -34,6 +34,8 @@ def _fold_members(members: nn.Sequential) -> None:
         convolution, norm = members[index], members[index + 1]
         if isinstance(convolution, nn.Conv2d | nn.ConvTranspose2d) and isinstance(norm, nn.BatchNorm2d):
             is_transposed = isinstance(convolution, nn.ConvTranspose2d)
+            if is_transposed and convolution.groups > 1:
+                continue  # torch folds these into weights of the wrong shape
             members[index] = fuse_conv_bn_eval(convolution, norm, is_transposed)
             members[index + 1] = nn.Identity()
 

@@ -15,9 +15,9 @@ from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, Network
 from radcam_depth_ros.networks.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
-from radcam_depth_ros.networks.patches import alike, around
+from radcam_depth_ros.networks.patches import alike, around, check_patch
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
-from radcam_depth_ros.networks.registry import ArchitectureError, register
+from radcam_depth_ros.networks.registry import ArchitectureError, check, register
 from radcam_depth_ros.networks.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
 
 IMAGE_CHANNELS = (64, 64, 128, 256, 512)
@@ -59,18 +59,10 @@ class LircdepthConfig:
     focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.threshold < 1:
-            raise ArchitectureError(f"threshold must lie between 0 and 1, got {self.threshold}")
+        check(self)
+        check_patch(self.patch_px)
         if not 0 < self.tolerance < 1:
             raise ArchitectureError(f"tolerance must lie between 0 and 1, got {self.tolerance}")
-        if not 0 < self.min_depth_m < self.max_depth_m:
-            raise ArchitectureError(
-                f"the depth range must be 0 < min < max metres, got {self.min_depth_m} to {self.max_depth_m}"
-            )
-        if min(self.patch_px) < 1 or not all(side % 2 for side in self.patch_px):
-            raise ArchitectureError(f"patch_px must be two odd numbers of pixels, got {self.patch_px}")
-        if self.focal_length_px <= 0:
-            raise ArchitectureError(f"focal_length_px must be positive, got {self.focal_length_px}")
 
 
 class LircdepthOutputs(NamedTuple):
@@ -230,9 +222,10 @@ class Lircdepth(Network):
         planes = draw_planes(radar, valid, height, width, self.max_depth_m).to(image.dtype)
         seen = self.image_affinity(self.image_encoder((image - self.mean) / self.deviation))
         returned = self.radar_affinity(self.radar_encoder(planes))
-        placed = list(seen)
+        placed = seen
         if self.ground is not None:
-            placed[4] = self.ground(ground, seen[4])
+            placed = seen[:4]
+            placed.append(self.ground(ground, seen[4]))
         raw, decoded, shares = self.decoder(placed, returned)
         # From the nearest depth on, not from 0 as in the paper.
         dense = self.min_depth_m + (self.max_depth_m - self.min_depth_m) * torch.sigmoid(raw[:, :1].float())

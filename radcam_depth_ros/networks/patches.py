@@ -5,6 +5,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from radcam_depth_ros.networks.registry import ArchitectureError
+
 
 class Patches(NamedTuple):
     """The pixels around each return.
@@ -15,6 +17,12 @@ class Patches(NamedTuple):
 
     pixels: Tensor
     there: Tensor
+
+
+def check_patch(size_px: tuple[int, int]) -> None:
+    """Refuses rows and columns of a patch that no return can be in the middle of, by an ArchitectureError."""
+    if min(size_px) < 1 or not all(side % 2 for side in size_px):
+        raise ArchitectureError(f"patch_px must be two odd numbers of pixels, got {size_px}")
 
 
 def around(radar: Tensor, valid: Tensor, height: int, width: int, size_px: tuple[int, int]) -> Patches:

@@ -16,7 +16,7 @@ from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, Network
 from radcam_depth_ros.networks.rasterise import depth_to_plane, draw_nearest, plane_to_depth
-from radcam_depth_ros.networks.registry import ArchitectureError, register
+from radcam_depth_ros.networks.registry import ArchitectureError, check, register
 from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
 from radcam_depth_ros.networks.sparse import SparseConv
 from radcam_depth_ros.networks.up_projection import LEVELS, UpDecoder
@@ -61,6 +61,7 @@ class StructuredConfig:
     focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
+        check(self)
         if self.fusion not in FUSIONS:
             raise ArchitectureError(f"fusion must be one of {', '.join(FUSIONS)}, got {self.fusion!r}")
         if self.backbone not in BLOCKS:
@@ -69,14 +70,6 @@ class StructuredConfig:
             raise ArchitectureError(f"radar_channels must be at least 1, got {self.radar_channels}")
         if self.joined_channels < 1 or self.joined_channels % 2**LEVELS:
             raise ArchitectureError(f"joined_channels must be a multiple of {2**LEVELS}, got {self.joined_channels}")
-        if not 0 < self.min_depth_m < self.max_depth_m:
-            raise ArchitectureError(
-                f"the depth range must be 0 < min < max metres, got {self.min_depth_m} to {self.max_depth_m}"
-            )
-        if not 0 < self.threshold < 1:
-            raise ArchitectureError(f"threshold must lie between 0 and 1, got {self.threshold}")
-        if self.focal_length_px <= 0:
-            raise ArchitectureError(f"focal_length_px must be positive, got {self.focal_length_px}")
 
 
 class StructuredOutputs(NamedTuple):

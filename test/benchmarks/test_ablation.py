@@ -15,20 +15,42 @@ import yaml
 from typer.testing import CliRunner
 
 from benchmarks import ablation, short_training
-from benchmarks.ablation import COLUMNS, EMBEDDING, ERRORS, FORMS, NONE, REGIONS, relative, time_associations
+from benchmarks.ablation import COLUMNS, ERRORS, relative, time_associations
+from benchmarks.forms import EMBEDDING, FORMS, NONE, REGIONS, SEG, forms_of
 from benchmarks.short_training import Budget, ShortTraining
 from benchmarks.thinned_bags import thinned_bags
 from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.cli import app
 from radcam_depth_ros.drive import read_samples
-from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks import archive, registry
+from radcam_depth_ros.training.criterion import Criterion
 from radcam_depth_ros.training.fit import CHECKPOINT, METRICS
 from radcam_depth_ros.training.recipe import TrainingConfig
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_each_form_can_be_built(name: str) -> None:
+def test_each_form_has_a_recipe_and_one_to_be_held_against(name: str) -> None:
+    form = FORMS[name]
+    recipe = configuration.build(TrainingConfig, form.recipe, name)
+    assert Criterion.of(form.network, recipe.loss)
+    assert registry.create_config(form.network, form.architecture)
+    reference = FORMS[form.against]
+    assert (reference.network, reference.against) == (form.network, form.against) or form.against == SEG
+    assert name in forms_of(form.network)
+
+
+def test_each_term_of_the_distillation_is_taught_alone() -> None:
+    terms = ("image", "radar", "decoder", "inter_depth")
+    for term in terms:
+        recipe = FORMS[f"taught: {term.replace('_', '-')}"].recipe
+        config = configuration.build(TrainingConfig, recipe, term).distillation
+        assert [name for name in terms if getattr(config, name) > 0] == [term]
+    assert configuration.build(TrainingConfig, FORMS["taught"].recipe, "all") == TrainingConfig()
+
+
+@pytest.mark.parametrize("name", forms_of("baff"))
+def test_each_form_of_baff_has_its_parts(name: str) -> None:
     config = networks.create("baff", FORMS[name].architecture).config
     switches = (config.bidirectional, config.channel_attention, config.position_attention)
     if FORMS[name].has_few_returns:
@@ -52,8 +74,9 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             return subprocess.CompletedProcess(command, 2)
         recipe = yaml.safe_load(folder.with_name(f"{folder.name}.yaml").read_text(encoding="utf-8"))
         torch.manual_seed(recipe["seed"])
-        network = networks.create("baff", recipe["architecture"])
-        archive.save(network, archive.Card.of(network, "baff", "nothing"), folder / "baff.safetensors")
+        name = command[command.index("--network") + 1] if "--network" in command else "baff"
+        network = networks.create(name, recipe["architecture"])
+        archive.save(network, archive.Card.of(network, name, "nothing"), folder / f"{name}.safetensors")
         (folder / CHECKPOINT).touch()
         rows = ({"kind": "train", "step": 1}, {"kind": "validation", "step": 1, "mae_80_m": 2.5})
         (folder / METRICS).write_text("".join(f"{json.dumps(row)}\n" for row in rows), encoding="utf-8")
@@ -65,7 +88,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 
 def make_training(folder: Path, iterations: int = 20) -> ShortTraining:
     budget = Budget((Path("a"), Path("b")), (Path("c"),), Path("cache"), iterations)
-    return ShortTraining(folder, budget, {"bidirectional": False})
+    return ShortTraining(folder, budget, "baff", {"bidirectional": False})
 
 
 def test_a_training_is_done_once(tmp_path: Path, started: list[list[str]]) -> None:
@@ -132,6 +155,16 @@ def test_forms_are_held_against_none(ablate: Callable[..., Any], started: list[l
     assert figures["forms"]["all"]["spread"]["mae_80"] > 0
     assert ablate(*chosen) == figures
     assert len(started) == 4
+
+
+def test_taught_forms_need_a_teacher(tmp_path: Path, ablate: Callable[..., Any], started: list[list[str]]) -> None:
+    chosen = ("--network", "lircdepth", "--forms", "alone", "taught: radar", "--seeds", "1", "--first-seed", "3")
+    with pytest.raises(SystemExit, match="taught: radar learns from a teacher: give its weight file with --teacher"):
+        ablate(*chosen)
+    figures = ablate(*chosen, "--teacher", str(tmp_path / "cafnet.safetensors"))
+    assert ["--teacher" in command for command in started] == [False, True]
+    assert set(figures["forms"]["taught: radar"]["seeds"]) == {"3"}
+    assert figures["forms"]["taught: radar"]["against"] == "alone"
 
 
 def test_a_form_is_trained_and_regions_too(ablate: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:

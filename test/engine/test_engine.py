@@ -19,6 +19,7 @@ FORMS: dict[str, tuple[str, dict[str, object]]] = {
     "regions": ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
     # Not `seg`: between classes that are all but equal, rounding decides.
     "conf": ("structured", {"fusion": "conf", "backbone": "resnet18"}),
+    "baseline": ("baseline", {}),
     "cafnet": ("cafnet", {}),
     "lircdepth": ("lircdepth", {}),
 }

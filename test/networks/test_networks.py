@@ -30,6 +30,7 @@ BAFF_FORMS: dict[str, tuple[str, dict[str, object]]] = {
 }
 FORMS: dict[str, tuple[str, dict[str, object]]] = {
     **BAFF_FORMS,
+    "baseline": ("baseline", {}),
     "structured": ("structured", {"backbone": "resnet18"}),
     "structured-conf": ("structured", {"backbone": "resnet18", "fusion": "conf"}),
     # With a low tau every return that can win pixels does so, and rounding does not decide which.
@@ -73,7 +74,7 @@ def make_network(name: str, architecture: dict[str, object], seed: int = 0) -> N
             if key == "class_decoder.head.bias":
                 # One class for all: between classes that are all but equal, rounding decides.
                 parameter[13] += 100.0
-    if name != "baff":
+    if name not in ("baff", "baseline"):
         # Deep encoders need norms that know what their maps are like: all pixels are but equal otherwise.
         for module in network.modules():
             if isinstance(module, torch.nn.BatchNorm2d):

