@@ -167,14 +167,20 @@ def freeze(network: nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.
     """
     if isinstance(network, torch.jit.ScriptModule):
         return network
-    # torch keeps all code that it scripts until the process ends, and freezing writes the weights into the code: frozen
-    # is a copy that was read from a file, whose code is its own and goes with it.
-    content = io.BytesIO()
+    # torch keeps all that it scripts until the process ends, and freezing writes the weights into it. What is read from
+    # a file goes when nobody holds it, so both steps go by one. Reading again after freezing is for errors while the
+    # network runs: torch looks for the code as it was before, and crashes where that is gone.
     with _quiet_jit():
-        torch.jit.save(torch.jit.script(folded(network, dtype)), content)
-        content.seek(0)
-        scripted = torch.jit.load(content)  # type: ignore[no-untyped-call]  # torch leaves it without types
-        return cast(torch.jit.ScriptModule, torch.jit.freeze(scripted.eval()))
+        scripted = _reread(torch.jit.script(folded(network, dtype)))
+        return _reread(torch.jit.freeze(scripted.eval()))
+
+
+def _reread(module: torch.jit.ScriptModule) -> torch.jit.ScriptModule:
+    content = io.BytesIO()
+    torch.jit.save(module, content)
+    content.seek(0)
+    reread = torch.jit.load(content)  # type: ignore[no-untyped-call]  # torch leaves it without types
+    return cast(torch.jit.ScriptModule, reread)
 
 
 def _load_weights(path: Path) -> Archive:

@@ -96,7 +96,9 @@ class RadcamDepthNode(LifecycleNode):
             "parameters are set while the node is not active: deactivate it first, then activate it again"
         )
         self._report_transform_messages(self._inputs)
-        self._log(Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in self._inputs)}")
+        self._log(
+            Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in self._inputs)}"
+        )
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
