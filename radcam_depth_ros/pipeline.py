@@ -81,8 +81,8 @@ class DepthMessages:
         confidence: sensor_msgs/Image, 32FC1, 0 to 1.
         preview: sensor_msgs/Image, rgb8; None when it was not asked for.
         points: sensor_msgs/PointCloud2; None when it was not asked for.
-        classes: sensor_msgs/Image, mono8, the numbers of `classes.CLASS_NAMES`; None when it was not asked for, and of a
-            network that does not tell.
+        classes: sensor_msgs/Image, mono8, the numbers of `classes.CLASS_NAMES`; None when it was not asked for, and of
+            a network that does not tell.
     """
 
     result: DepthResult

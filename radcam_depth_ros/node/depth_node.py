@@ -156,8 +156,10 @@ class RadcamDepthNode(LifecycleNode):
             part = "output"
             self._outputs.offer_classes(estimator.tells_classes)
         except Exception as error:  # the boundary: whatever it is, the node stays up and says so
-            kept = f"; {self._estimator.describe()} is still loaded, set back what was set to go on with it"
-            self._problems.report(part, Level.ERROR, f"{failure}: {_sentence(error)}{kept if self._estimator else ''}")
+            kept = (
+                f"; {self._model()} is still loaded, set back what was set to go on with it" if self._estimator else ""
+            )
+            self._problems.report(part, Level.ERROR, f"{failure}: {_sentence(error)}{kept}")
             return False
         # Only now, so that the network before stays usable when the next one is not; nothing else holds it.
         self._config, self._inputs, self._estimator = _with_full_names(config, inputs), inputs, estimator
@@ -168,7 +170,7 @@ class RadcamDepthNode(LifecycleNode):
         if before and config.model_file and config.network != before.network:
             self._log(
                 Level.WARN,
-                f"the parameter network is now {config.network}, but model_file comes first and is {config.model_file}; "
+                f"the parameter network is now {config.network}, but model_file comes first, {config.model_file}; "
                 "set model_file to an empty text to use the network's own weights",
             )
         estimator = self._make_estimator(config)
