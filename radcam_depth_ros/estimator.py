@@ -133,6 +133,11 @@ class Estimator:
             f"{card.focal_length_px:g} px) on {self.config.device} in {self._engine.describe()}"
         )
 
+    @property
+    def tells_classes(self) -> bool:
+        """Whether the network gives a class image."""
+        return self.card.tells_classes
+
     def plan(self, camera: CameraModel) -> CanonicalCamera:
         """How images of a camera are brought to the network; GeometryError when they cannot be."""
         if camera not in self._plans:
@@ -147,15 +152,19 @@ class Estimator:
         network = self.plan(camera).network
         self._engine.warm_up(network.height, network.width)
 
-    def estimate(self, frame: Frame) -> DepthResult:
+    def estimate(self, frame: Frame, *, classes: bool = True) -> DepthResult:
         """Estimates the depth of a frame: `prepare`, `run` and `finish`, which may also run in a thread each.
+
+        Args:
+            frame: The frame.
+            classes: Whether the class image is wanted, where the network gives one.
 
         Raises:
             GeometryError: when the camera's image cannot be brought to the network's focal length.
             EstimatorError: when the network's depth is not finite.
         """
         inputs = self.prepare(frame)
-        return self.finish(inputs, self.run(inputs))
+        return self.finish(inputs, self.run(inputs), classes=classes)
 
     def prepare(self, frame: Frame) -> NetworkInputs:
         """Brings a frame to the network's focal length.
@@ -178,8 +187,13 @@ class Estimator:
             arrays = (inputs.image, inputs.radar, inputs.ground)
             return self._engine.run(*(torch.from_numpy(values) for values in arrays))
 
-    def finish(self, inputs: NetworkInputs, depths: Depths) -> DepthResult:
+    def finish(self, inputs: NetworkInputs, depths: Depths, *, classes: bool = True) -> DepthResult:
         """Brings the network's maps to the size that is asked for.
+
+        Args:
+            inputs: Of the frame.
+            depths: What the network made of them.
+            classes: As in `estimate`.
 
         Raises:
             EstimatorError: when the network's depth is not finite.
@@ -192,7 +206,7 @@ class Estimator:
         if not np.isfinite(dense).all():
             raise EstimatorError("the network gave a depth that is not finite; its weights do not fit these inputs")
         camera = plan.scaled if self.config.output_size == "network" else plan.source
-        classes = depths.classes
+        class_map = depths.classes if classes else None
         return DepthResult(
             frame.stamp_ns,
             frame.frame_id,
@@ -201,5 +215,5 @@ class Estimator:
             enlarge_nearest(semi_dense, plan, camera),
             enlarge_smooth(confidence, plan, camera),
             len(inputs.radar),
-            None if classes is None else enlarge_nearest(classes[0, 0].numpy(), plan, camera),
+            None if class_map is None else enlarge_nearest(class_map[0, 0].numpy(), plan, camera),
         )

@@ -19,6 +19,7 @@ from radcam_depth_ros.messages import (
     encode_cloud,
     encode_confidence,
     encode_depth,
+    encode_image,
     encode_preview,
 )
 from radcam_depth_ros.resampling import rectify, resample_image
@@ -31,6 +32,7 @@ OUTPUT_TOPICS = {
     "confidence": "depth/confidence",
     "preview": "depth/preview",
     "points": "depth/points",
+    "classes": "semantics/image",
 }
 """Relative topic of each field of `DepthMessages`."""
 
@@ -79,6 +81,8 @@ class DepthMessages:
         confidence: sensor_msgs/Image, 32FC1, 0 to 1.
         preview: sensor_msgs/Image, rgb8; None when it was not asked for.
         points: sensor_msgs/PointCloud2; None when it was not asked for.
+        classes: sensor_msgs/Image, mono8, the numbers of `classes.CLASS_NAMES`; None when it was not asked for, and of
+            a network that does not tell.
     """
 
     result: DepthResult
@@ -89,6 +93,7 @@ class DepthMessages:
     confidence: Any
     preview: Any = None
     points: Any = None
+    classes: Any = None
 
 
 class Pipeline(Intake):
@@ -112,27 +117,31 @@ class Pipeline(Intake):
         """Makes the network ready for a camera's images; at once where it is."""
         self._estimator.warm_up(camera)
 
-    def process(self, frame: Frame, *, preview: bool = False, points: bool = False) -> DepthMessages:
+    def process(
+        self, frame: Frame, *, preview: bool = False, points: bool = False, classes: bool = False
+    ) -> DepthMessages:
         """Estimates a frame's depth and writes it as messages.
 
         Args:
             frame: From `accept`, `expire` or `flush`.
             preview: Whether to draw the depth in colours.
             points: Whether to make a point cloud.
+            classes: Whether to make the class image, where the network tells.
 
         Raises:
             RadcamDepthError: when the network cannot be given this frame.
         """
-        return self.encode(frame, self._estimator.estimate(frame), preview=preview, points=points)
+        result = self._estimator.estimate(frame, classes=classes)
+        return self.encode(frame, result, preview=preview, points=points)
 
     def encode(
         self, frame: Frame, result: DepthResult, *, preview: bool = False, points: bool = False
     ) -> DepthMessages:
-        """Writes a frame's depth as messages; the depth images' memory becomes theirs.
+        """Writes a frame's depth as messages; the images' memory becomes theirs.
 
         Args:
             frame: The frame.
-            result: What was estimated of it.
+            result: What was estimated of it; its classes, where it has them, are written as well.
             preview: Whether to draw the depth in colours.
             points: Whether to make a point cloud.
         """
@@ -151,6 +160,7 @@ class Pipeline(Intake):
             points=encode_cloud(factory, result.dense, _image_at(frame, result.camera), result.camera, *stamp)
             if points
             else None,
+            classes=None if result.classes is None else encode_image(factory, result.classes, *stamp),
         )
 
 

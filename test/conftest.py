@@ -70,6 +70,17 @@ def write_drive() -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
+def small_structured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small `structured` with random weights, which tells classes."""
+    torch.manual_seed(4)
+    small = {"backbone": "resnet18", "joined_channels": 16, "radar_channels": [4, 4, 4, 4, 4]}
+    network = networks.create("structured", small)
+    path = tmp_path_factory.mktemp("weights") / "structured.safetensors"
+    archive.save(network, archive.Card.of(network, "structured", "nothing"), path)
+    return path
+
+
+@pytest.fixture(scope="session")
 def small_weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A `baff` with random weights whose returns win pixels."""
     torch.manual_seed(3)

@@ -159,6 +159,7 @@ def test_classes_come_at_the_cameras_size_and_are_never_blended() -> None:
     expected = np.zeros((64, 128), np.uint8)
     expected[:32, :64] = 13
     np.testing.assert_array_equal(classes, expected, strict=True)
+    assert estimator(GivesClasses()).estimate(frame(camera, image), classes=False).classes is None
     assert estimator(GivesTheRoad()).estimate(frame(camera, image)).classes is None
 
 

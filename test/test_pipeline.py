@@ -13,7 +13,7 @@ from radcam_depth_ros.bags import factory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.intake import IntakeError
-from radcam_depth_ros.messages import StampedTransform, decode_depth, encode_points, encode_transforms
+from radcam_depth_ros.messages import StampedTransform, decode_classes, decode_depth, encode_points, encode_transforms
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS, Pipeline, PipelineConfig, PipelineError
 
 CONFIG = PipelineConfig(image="/camera/image_raw", camera_info="/camera/camera_info", radars=("/radar/points",))
@@ -60,6 +60,22 @@ def test_messages_become_frames_and_frames_messages(estimator: Estimator) -> Non
     plain = pipeline.process(frame)
     assert plain.preview is None
     assert plain.points is None
+
+
+def test_the_class_image_is_made_where_the_network_tells_and_somebody_wants_it(
+    estimator: Estimator, small_structured: Path
+) -> None:
+    telling = Estimator(EstimatorConfig(model_file=str(small_structured)))
+    assert (estimator.tells_classes, telling.tells_classes) == (False, True)
+    pipeline = primed(telling)
+    (frame,) = feed(pipeline, 0)
+    assert pipeline.process(frame).classes is None
+    messages = pipeline.process(frame, classes=True)
+    image = messages.classes
+    assert (image.encoding, image.width, image.height) == ("mono8", CAMERA.width, CAMERA.height)
+    assert image.header == messages.depth.header
+    np.testing.assert_array_equal(decode_classes(image).classes, messages.result.classes)
+    assert primed(estimator).process(frame, classes=True).classes is None
 
 
 def test_extrinsics_and_height_by_parameter(estimator: Estimator) -> None:

@@ -8,10 +8,11 @@ import pytest
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS
 
 from radcam_depth_ros.bags import BagError, BagReader
+from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.drive import DriveError, DriveSettings, read_samples
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, NetworkInputs
 from radcam_depth_ros.frame import Frame, RadcamDepthError
-from radcam_depth_ros.messages import MessageError, decode_depth
+from radcam_depth_ros.messages import MessageError, decode_classes, decode_depth
 from radcam_depth_ros.pipeline import Pipeline
 from radcam_depth_ros.replay import ReplayOptions, replay
 
@@ -52,6 +53,19 @@ def test_every_image_gets_its_depth_and_twice_gives_the_same(
             "/depth/preview",
             "/depth/points",
         }
+
+
+def test_classes_are_written_where_the_network_tells_them(
+    tmp_path: Path, write_drive: WriteDrive, small_structured: Path
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", frames=2)
+    replay(drive, tmp_path / "out.mcap", Estimator(EstimatorConfig(model_file=str(small_structured))))
+    with BagReader(tmp_path / "out.mcap") as reader:
+        readings = [decode_classes(message.message) for message in reader.messages(["/semantics/image"])]
+    assert [reading.stamp_ns for reading in readings] == [START_NS, START_NS + PERIOD_NS]
+    for reading in readings:
+        assert reading.classes.shape == (CAMERA.height, CAMERA.width)
+        assert reading.classes.max() < len(CLASS_NAMES)
 
 
 def test_passthrough_keeps_the_inputs(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:

@@ -6,6 +6,7 @@ This is the only module that touches torch.jit, which torch deprecates: its succ
 
 import hashlib
 import importlib.resources
+import io
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -59,6 +60,11 @@ class Card:
     metrics: dict[str, float] = field(default_factory=dict)
     sha256: str = ""
     card_format: int = CARD_FORMAT
+
+    @property
+    def tells_classes(self) -> bool:
+        """Whether the network gives a class image."""
+        return registry.find(self.network).tells_classes(registry.create_config(self.network, self.architecture))
 
     @classmethod
     def of(cls, network: Network, name: str, training_data: str, metrics: Mapping[str, float] | None = None) -> "Card":
@@ -161,8 +167,20 @@ def freeze(network: nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.
     """
     if isinstance(network, torch.jit.ScriptModule):
         return network
+    # torch keeps all that it scripts until the process ends, and freezing writes the weights into it. What is read from
+    # a file goes when nobody holds it, so both steps go by one. Reading again after freezing is for errors while the
+    # network runs: torch looks for the code as it was before, and crashes where that is gone.
     with _quiet_jit():
-        return cast(torch.jit.ScriptModule, torch.jit.freeze(torch.jit.script(folded(network, dtype))))
+        scripted = _reread(torch.jit.script(folded(network, dtype)))
+        return _reread(torch.jit.freeze(scripted.eval()))
+
+
+def _reread(module: torch.jit.ScriptModule) -> torch.jit.ScriptModule:
+    content = io.BytesIO()
+    torch.jit.save(module, content)
+    content.seek(0)
+    reread = torch.jit.load(content)  # type: ignore[no-untyped-call]  # torch leaves it without types
+    return cast(torch.jit.ScriptModule, reread)
 
 
 def _load_weights(path: Path) -> Archive:

@@ -102,6 +102,12 @@ class Network(nn.Module):
     adjustable: ClassVar[tuple[str, ...]] = ()
     paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
 
+    @classmethod
+    def tells_classes(cls, config: Any) -> bool:
+        """Whether a network of this config gives `Depths.classes`."""
+        del config
+        return False
+
     def __init__(self, config: Any) -> None:
         super().__init__()
         self.config = config

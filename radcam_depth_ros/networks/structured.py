@@ -150,6 +150,11 @@ class Structured(SinglePass):
     )
     group_of_class: Tensor
 
+    @classmethod
+    def tells_classes(cls, config: StructuredConfig) -> bool:
+        """With a class decoder, which `seg` has."""
+        return config.fusion == "seg"
+
     def __init__(self, config: StructuredConfig) -> None:
         super().__init__(config)
         self.min_depth_m = config.min_depth_m

@@ -1,4 +1,7 @@
-"""The lifecycle node: configure loads, activate runs, deactivate stops, cleanup frees."""
+"""The lifecycle node: configure loads, activate runs, deactivate stops, cleanup frees.
+
+Between deactivate and activate parameters may change, the network too: activate then takes up what changed.
+"""
 
 from __future__ import annotations
 
@@ -65,47 +68,43 @@ class RadcamDepthNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reads the parameters, loads the network and warms it up; on failure the node stays unconfigured."""
-        part = "parameters"
-        try:
-            config = self._settings.read()
-            self._inputs = find_inputs(self, config)
-            self._config = _with_full_names(config, self._inputs)
-            self._outputs = Outputs(self, lambda sentence: self._problems.report("output", Level.WARN, sentence))
-            part = "model"
-            self._log(Level.OK, f"loading {config.estimator.model_file or config.estimator.network}")
-            self._estimator = self._make_estimator(config.estimator)
-            self._new_pipeline()
-            self._estimator.warm_up(_canonical_camera(self._estimator))
-        except Exception as error:  # the boundary: whatever it is, the node stays up and says so
-            self._problems.report(part, Level.ERROR, f"the node cannot be configured: {_sentence(error)}")
+        if not self._take_up("the node cannot be configured"):
             self._free()
             return TransitionCallbackReturn.FAILURE
         self._problems.settle_all()
-        self._settings.frozen_because = (
-            "parameters are set while the node is unconfigured: deactivate and clean up first, then configure again"
-        )
         self._phase = "inactive"
-        self._log(Level.OK, f"configured: {self._estimator.describe()}")
+        self._log(Level.OK, f"configured: {self._model()}")
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Subscribes and publishes."""
+        """Takes up parameters that were set since, the network among them; subscribes and publishes.
+
+        On failure the node stays inactive, with the network that it had.
+        """
+        self._problems.settle_all()
+        if not self._take_up("the node cannot be activated"):
+            return TransitionCallbackReturn.FAILURE
         if self._inputs is None or self._outputs is None:
             return TransitionCallbackReturn.ERROR
-        self._problems.settle_all()
         try:
             self._session = Session(self, self._new_pipeline(), self._inputs, self._outputs, self._problems)
         except Exception as error:  # the boundary, as above
             self._problems.report("output", Level.ERROR, f"the node cannot be activated: {_sentence(error)}")
             return TransitionCallbackReturn.FAILURE
         self._phase = "active"
+        self._settings.frozen_because = (
+            "parameters are set while the node is not active: deactivate it first, then activate it again"
+        )
         self._report_transform_messages(self._inputs)
-        self._log(Level.OK, f"active, reading {', '.join(source.topic for source in self._inputs)}")
+        self._log(
+            Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in self._inputs)}"
+        )
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stops reading and publishing; the network stays loaded."""
+        """Stops reading and publishing; the network stays loaded, and parameters can be set."""
         self._end_session(CLOSE_S)
+        self._settings.frozen_because = ""
         self._phase = "inactive"
         return super().on_deactivate(state)
 
@@ -139,10 +138,52 @@ class RadcamDepthNode(LifecycleNode):
         self.close(CLOSE_S)
         LifecycleNode.destroy_node(self)
 
+    def _take_up(self, failure: str) -> bool:
+        """Makes everything as the parameters say; the network is loaded only where they changed.
+
+        Args:
+            failure: How the report of what is wrong begins; inputs and network stay as they were then.
+        """
+        part, estimator, before = "parameters", self._estimator, self._config
+        try:
+            config = self._settings.read()
+            inputs = find_inputs(self, config)
+            if self._outputs is None:
+                self._outputs = Outputs(self, lambda sentence: self._problems.report("output", Level.WARN, sentence))
+            part = "model"
+            if estimator is None or before is None or config.estimator != before.estimator:
+                estimator = self._load(config.estimator, before.estimator if before else None)
+            part = "output"
+            self._outputs.offer_classes(estimator.tells_classes)
+        except Exception as error:  # the boundary: whatever it is, the node stays up and says so
+            kept = (
+                f"; {self._model()} is still loaded, set back what was set to go on with it" if self._estimator else ""
+            )
+            self._problems.report(part, Level.ERROR, f"{failure}: {_sentence(error)}{kept}")
+            return False
+        # Only now, so that the network before stays usable when the next one is not; nothing else holds it.
+        self._config, self._inputs, self._estimator = _with_full_names(config, inputs), inputs, estimator
+        return True
+
+    def _load(self, config: EstimatorConfig, before: EstimatorConfig | None) -> Estimator:
+        self._log(Level.OK, f"loading {config.model_file or config.network}")
+        if before and config.model_file and config.network != before.network:
+            self._log(
+                Level.WARN,
+                f"the parameter network is now {config.network}, but model_file comes first, {config.model_file}; "
+                "set model_file to an empty text to use the network's own weights",
+            )
+        estimator = self._make_estimator(config)
+        estimator.warm_up(_canonical_camera(estimator))
+        return estimator
+
     def _new_pipeline(self) -> Pipeline:
         if self._config is None or self._estimator is None:
             raise RadcamDepthError("the node is not configured; configure it first")
         return Pipeline(self._config.pipeline, self._estimator, build_message)
+
+    def _model(self) -> str:
+        return self._estimator.describe() if self._estimator else ""
 
     def _end_session(self, timeout_s: float) -> None:
         session, self._session = self._session, None
@@ -177,8 +218,7 @@ class RadcamDepthNode(LifecycleNode):
 
     def _on_tick(self) -> None:
         try:
-            model = self._estimator.describe() if self._estimator else ""
-            snapshot = Snapshot(self._phase, model, self._session, self._outputs)
+            snapshot = Snapshot(self._phase, self._model(), self._session, self._outputs)
             news = self._diagnostics.watch(self._session) if self._session else ""
             if news:
                 self._log(Level.WARN, news)

@@ -34,15 +34,24 @@ class Outputs:
         self._on_problem = on_problem
         self._publishers: dict[str, LifecyclePublisher] = {}
         try:
-            for name, topic in OUTPUT_TOPICS.items():
-                self._publishers[name] = self._create(topic, _TYPES.get(name, "sensor_msgs/msg/Image"))
+            for name in OUTPUT_TOPICS:
+                if name != "classes":
+                    self._publishers[name] = self._create(name)
         except Exception:
             self.destroy()
             raise
 
+    def offer_classes(self, offered: bool) -> None:
+        """Whether there is a topic of class images: it comes and goes with networks that tell, the others stay."""
+        if offered and "classes" not in self._publishers:
+            self._publishers["classes"] = self._create("classes")
+        elif not offered and "classes" in self._publishers:
+            self._node.destroy_lifecycle_publisher(self._publishers.pop("classes"))
+
     def is_wanted(self, name: str) -> bool:
         """Whether anybody subscribes to an output, by its field's name in `DepthMessages`."""
-        return bool(self._publishers[name].get_subscription_count() > 0)
+        publisher = self._publishers.get(name)
+        return publisher is not None and bool(publisher.get_subscription_count() > 0)
 
     def publish(self, messages: DepthMessages) -> None:
         """Publishes what a frame gave."""
@@ -64,7 +73,9 @@ class Outputs:
             self._node.destroy_lifecycle_publisher(publisher)
         self._publishers.clear()
 
-    def _create(self, topic: str, type_name: str) -> LifecyclePublisher:
+    def _create(self, name: str) -> LifecyclePublisher:
+        topic = OUTPUT_TOPICS[name]
+
         def on_incompatible(event: QoSOfferedIncompatibleQoSInfo) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
             self._on_problem(
@@ -74,7 +85,7 @@ class Outputs:
             )
 
         publisher: LifecyclePublisher = self._node.create_lifecycle_publisher(
-            message_class(type_name),
+            message_class(_TYPES.get(name, "sensor_msgs/msg/Image")),
             topic,
             # A reliable writer serves both kinds of readers.
             QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE),

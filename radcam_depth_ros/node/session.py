@@ -160,7 +160,10 @@ class Session:
         try:
             self.pipeline.warm_up(ticket.frame.camera)
             messages = self.pipeline.process(
-                ticket.frame, preview=self._outputs.is_wanted("preview"), points=self._outputs.is_wanted("points")
+                ticket.frame,
+                preview=self._outputs.is_wanted("preview"),
+                points=self._outputs.is_wanted("points"),
+                classes=self._outputs.is_wanted("classes"),
             )
             self._outputs.publish(messages)
         except RadcamDepthError as error:

@@ -55,6 +55,7 @@ def test_a_replayed_drive_does_not_take_its_own_outputs_for_sensors():
         "/depth/points": CLOUD,
         "/semi_dense/image_rect": IMAGE,
         "/semi_dense/camera_info": INFO,
+        "/semantics/image": IMAGE,
     }
     assert find_topics(bag({**outputs, **MINIMAL})) == find_topics(bag(MINIMAL))
 

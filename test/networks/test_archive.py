@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import pytest
 import torch
 import yaml
 from safetensors.torch import load_file, save_file
+from torch.multiprocessing.reductions import StorageWeakRef
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.files import FileError
@@ -174,3 +176,24 @@ def test_weights_beyond_half_precision_are_not_written(tmp_path: Path) -> None:
     with pytest.raises(ArchiveError, match=r"fusion.head.1.bias is not finite in half precision"):
         archive.save(network, Card.of(network, "baff", "nothing"), tmp_path / "baff.safetensors")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_frozen_network_goes_with_its_last_user_and_its_errors_can_be_told(weights: Path) -> None:
+    frozen = archive.freeze(archive.load(weights).network)
+    gc.collect()
+    image, *others = inputs()
+    for _ in range(3):
+        run(frozen, (image, *others))
+    with pytest.raises(RuntimeError):
+        run(frozen, (image[:, :2], *others))
+    graph = frozen.inlined_graph
+    constants = [
+        node.t("value").untyped_storage()
+        for node in graph.findAllNodes("prim::Constant")
+        if node.hasAttribute("value") and node.kindOf("value") == "t"
+    ]
+    assert sum(storage.nbytes() for storage in constants) > 1e6
+    held = [StorageWeakRef(storage) for storage in constants]
+    del frozen, graph, constants
+    gc.collect()
+    assert all(storage.expired() for storage in held)

@@ -123,6 +123,7 @@ def test_shapes_ranges_and_missing_values(
     assert not torch.isinf(depths.semi_dense).any()
     if count == 0:
         assert torch.isnan(depths.semi_dense).all()
+    assert network.tells_classes(network.config) is (depths.classes is not None)
     if depths.classes is not None:
         assert depths.classes.shape == (2, 1, *size)
         assert depths.classes.dtype == torch.uint8

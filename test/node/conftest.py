@@ -56,6 +56,7 @@ class FakeEstimator:
     config: EstimatorConfig
     seconds: float = 0.0
     error: Exception | None = None
+    tells_classes: bool = False
     stamps_ns: list[int] = field(default_factory=list)
     card: Any = field(default_factory=lambda: SimpleNamespace(focal_length_px=100.0))
 
@@ -65,7 +66,7 @@ class FakeEstimator:
     def warm_up(self, camera: CameraModel) -> None:
         assert camera.width > 0
 
-    def estimate(self, frame: Frame) -> DepthResult:
+    def estimate(self, frame: Frame, *, classes: bool = True) -> DepthResult:
         time.sleep(self.seconds)
         if self.error is not None:
             raise self.error
@@ -74,7 +75,8 @@ class FakeEstimator:
         shape = frame.image.shape[:2]
         dense, semi_dense = np.full(shape, 1.0 + in_view, np.float32), np.full(shape, np.nan, np.float32)
         confidence = np.full(shape, 0.5, np.float32)
-        return DepthResult(frame.stamp_ns, frame.frame_id, frame.camera, dense, semi_dense, confidence, in_view)
+        shown = np.full(shape, 13, np.uint8) if classes and self.tells_classes else None
+        return DepthResult(frame.stamp_ns, frame.frame_id, frame.camera, dense, semi_dense, confidence, in_view, shown)
 
 
 class Peer:

@@ -23,8 +23,10 @@ def test_depth_comes_from_a_node_that_was_only_started(start: Callable[..., Any]
     assert {name: status.message for name, status in bench.diagnostics[-1].items() if status.level != b"\x00"} == {}
 
 
-def test_every_output_has_the_stamp_and_frame_of_its_image(start: Callable[..., Any]) -> None:
-    bench = start()
+def test_every_output_has_the_stamp_and_frame_of_its_image(
+    start: Callable[..., Any], make_estimator: Callable[..., Any]
+) -> None:
+    bench = start(lambda config: make_estimator(config, tells_classes=True))
     inbox: dict[str, list[Any]] = {}
     for name, topic in OUTPUT_TOPICS.items():
         kind = "CameraInfo" if "camera_info" in name else "PointCloud2" if name == "points" else "Image"
@@ -37,17 +39,21 @@ def test_every_output_has_the_stamp_and_frame_of_its_image(start: Callable[..., 
         assert (messages[-1].width, messages[-1].height) == ((96 * 64, 1) if topic == "depth/points" else (96, 64))
 
 
-def test_preview_and_points_are_made_only_while_somebody_subscribes(start: Callable[..., Any]) -> None:
-    bench = start()
+def test_preview_points_and_classes_are_made_only_while_somebody_subscribes(
+    start: Callable[..., Any], make_estimator: Callable[..., Any]
+) -> None:
+    bench = start(lambda config: make_estimator(config, tells_classes=True))
     bench.connect()
     asked: list[dict[str, bool]] = []
     session = bench.node._session
     process = session.pipeline.process
     session.pipeline.process = lambda frame, **wanted: (asked.append(wanted), process(frame, **wanted))[1]
     bench.await_depth()
-    assert asked[-1] == {"preview": False, "points": False}
+    assert asked[-1] == {"preview": False, "points": False, "classes": False}
     bench.subscribe("depth/preview", "sensor_msgs/msg/Image", lambda _: None)
-    bench.send_until(lambda: asked[-1] == {"preview": True, "points": False}, what="a preview")
+    bench.send_until(lambda: asked[-1] == {"preview": True, "points": False, "classes": False}, what="a preview")
+    bench.subscribe("semantics/image", "sensor_msgs/msg/Image", lambda _: None)
+    bench.send_until(lambda: asked[-1] == {"preview": True, "points": False, "classes": True}, what="classes")
 
 
 def test_compressed_images_on_the_topic_beside(start: Callable[..., Any]) -> None:
@@ -106,16 +112,17 @@ def test_an_inactive_node_is_silent_and_says_so(start: Callable[..., Any]) -> No
     assert not list(bench.node.subscriptions) or all("image" not in s.topic_name for s in bench.node.subscriptions)
 
 
-def test_parameters_are_settled_while_unconfigured(start: Callable[..., Any]) -> None:
+@pytest.mark.parametrize(("stop", "go"), [(["deactivate"], []), (["deactivate", "cleanup"], ["configure"])])
+def test_parameters_are_set_while_the_node_is_not_active(
+    start: Callable[..., Any], stop: list[str], go: list[str]
+) -> None:
     bench = start()
     bench.until(lambda: bench.state == "active")
-    assert "clean up first" in bench.set_parameter("depth_encoding", "16UC1")
-    assert bench.change_state("deactivate")
-    assert bench.change_state("cleanup")
+    assert "deactivate it first" in bench.set_parameter("depth_encoding", "16UC1")
+    assert all(bench.change_state(label) for label in stop)
     assert "32FC1, 16UC1, got '8UC1'" in bench.set_parameter("depth_encoding", "8UC1")
     assert bench.set_parameter("depth_encoding", "16UC1") == ""
-    assert bench.change_state("configure")
-    assert bench.change_state("activate")
+    assert all(bench.change_state(label) for label in (*go, "activate"))
     bench.connect()
     bench.send_until(lambda: bench.depth and bench.depth[-1].encoding == "16UC1", what="16UC1")
 

@@ -38,7 +38,9 @@ class Sleeper:
     def describe(self):
         return "a sleeper"
 
-    def estimate(self, frame):
+    tells_classes = False
+
+    def estimate(self, frame, *, classes):
         self.nap("inference")
 
 depth_node.RadcamDepthNode = functools.partial(depth_node.RadcamDepthNode, functools.partial(Sleeper, sys.argv[1]))
