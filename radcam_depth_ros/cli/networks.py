@@ -22,11 +22,11 @@ def networks(json_target: JsonOption = None) -> None:
         write_json(entries, json_target)
         return
     table = Table(title="networks")
-    for column in ("name", "parameters", "weights", "trained on"):
+    for column in ("name", "what it is", "parameters", "its weights were trained on"):
         table.add_column(column)
     for entry in entries:
-        weights = "yes" if entry["weights"] else "no"
-        table.add_row(entry["name"], f"{entry['parameters'] / 1e6:.2f} M", weights, entry["training_data"])
+        trained_on = entry["training_data"] if entry["weights"] else f"none come with it: {entry['train']}"
+        table.add_row(entry["name"], entry["about"], f"{entry['parameters'] / 1e6:.2f} M", trained_on)
     Console().print(table)
 
 
@@ -38,8 +38,10 @@ def _entry(name: str) -> dict[str, Any]:
     network = loaded.network if loaded else registry.create(name)
     return {
         "name": name,
+        "about": registry.find(name).about,
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
         "weights": has_weights,
         "training_data": loaded.card.training_data if loaded else "",
         "metrics": loaded.card.metrics if loaded else {},
+        "train": f"radcam-depth train --network {name} --bags drives/ --out runs/{name}",
     }

@@ -137,6 +137,7 @@ class BaffConfig:
 class Baff(Network):
     """Both stages; see `interface` for what it takes and gives."""
 
+    about = "association, then attention fusion (Electronics 2025)"
     config_type = BaffConfig
     stride: Final[int] = STRIDE
     parts = ("context", "encoder", "association", "road", "fusion")

@@ -19,4 +19,5 @@ class BaselineConfig(BaffConfig):
 class Baseline(Baff):
     """`baff` without its bottom-up branch and attention, under a name of its own."""
 
+    about = "baff without its bottom-up branch and attention"
     config_type = BaselineConfig

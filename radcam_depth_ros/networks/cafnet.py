@@ -147,6 +147,7 @@ class Cafnet(SinglePass):
     depth there is a return's. It says nothing of the dense depth elsewhere.
     """
 
+    about = "confidence-gated fusion, large, can teach lircdepth (CaFNet, 2024)"
     config_type = CafnetConfig
     parts = (
         "image_encoder",

@@ -84,6 +84,7 @@ class Network(nn.Module):
     """Base of the networks in the registry.
 
     Attributes:
+        about: What it is and where it was published, in a line.
         config_type: The frozen dataclass of the architecture.
         config: Its instance: architecture only, no loss weights, paths or devices.
         parts: Names of the submodules that can be trained one by one.
@@ -95,6 +96,7 @@ class Network(nn.Module):
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
     """
 
+    about: ClassVar[str] = ""
     config_type: ClassVar[type[Any]]
     parts: ClassVar[tuple[str, ...]] = ()
     stages: ClassVar[tuple[tuple[str, str], ...]] = ()

@@ -179,6 +179,7 @@ class Lircdepth(SinglePass):
     like the dense depth, where they agree and the confidence is high enough.
     """
 
+    about = "two light encoders, learns from cafnet (LiRCDepth, 2025)"
     config_type = LircdepthConfig
     parts = ("image_encoder", "image_affinity", "radar_encoder", "radar_affinity", "ground", "decoder", "confidence")
     stages = (

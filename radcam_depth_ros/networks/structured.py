@@ -133,6 +133,7 @@ class RadarEncoder(nn.Module):
 class Structured(SinglePass):
     """The whole network; see `interface` for what it takes and gives."""
 
+    about = "a decoder for each part of the scene; class image (Sensors 2023)"
     config_type = StructuredConfig
     parts = ("image_encoder", "radar_encoder", "join", "ground", "decoders", "class_decoder", "confidence")
     stages = (

@@ -90,6 +90,8 @@ def test_networks() -> None:
     for entry in entries:
         assert entry["parameters"] > 1e6
         assert entry["weights"] == archive.shipped(entry["name"]).exists()
+        assert entry["about"]
+        assert f"train --network {entry['name']} " in entry["train"]
     assert "baff" in run("networks").output
 
 
