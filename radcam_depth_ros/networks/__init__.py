@@ -3,10 +3,11 @@
 from radcam_depth_ros.networks.baff import Baff, BaffConfig
 from radcam_depth_ros.networks.baseline import Baseline
 from radcam_depth_ros.networks.cafnet import Cafnet, CafnetConfig, CafnetOutputs
+from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Association, Candidates, Depths, Network, TrainOutputs
 from radcam_depth_ros.networks.lircdepth import Lircdepth, LircdepthConfig, LircdepthOutputs
-from radcam_depth_ros.networks.registry import ArchitectureError, create, names
+from radcam_depth_ros.networks.registry import create, names
 from radcam_depth_ros.networks.structured import Structured, StructuredConfig, StructuredOutputs
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "LircdepthConfig",
     "LircdepthOutputs",
     "Network",
+    "NetworkConfig",
     "Structured",
     "StructuredConfig",
     "StructuredOutputs",

@@ -17,6 +17,7 @@ from radcam_depth_ros.networks.association import FEATURES, OUTSIDE, EmbeddingAs
 from radcam_depth_ros.networks.blocks import QuarterEncoder
 from radcam_depth_ros.networks.caution import Caution, check_caution
 from radcam_depth_ros.networks.choice import Choice, QuarterFusion
+from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.fusion import PaperFusion
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs
 from radcam_depth_ros.networks.mobilenet import ContextEncoder
@@ -30,7 +31,7 @@ from radcam_depth_ros.networks.rasterise import (
     plane_to_depth,
 )
 from radcam_depth_ros.networks.regions import RegionAssociation
-from radcam_depth_ros.networks.registry import ArchitectureError, check, register
+from radcam_depth_ros.networks.registry import register
 from radcam_depth_ros.networks.road import RoadVotes
 
 AGREEMENT = 0.2
@@ -50,7 +51,7 @@ PAPER: Mapping[str, Any] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class BaffConfig:
+class BaffConfig(NetworkConfig):
     """Architecture of `baff`.
 
     Attributes:
@@ -78,9 +79,6 @@ class BaffConfig:
             training can start from ImageNet's.
         instance_norm: Levels of the image encoder, finest first, whose norms go by each image's own statistics.
         road: Correct the flat road by what the image shows, see `road.RoadVotes`.
-        min_depth_m: Nearest depth that the network gives.
-        max_depth_m: Farthest depth that the network gives.
-        focal_length_px: The focal length that it is trained at.
     """
 
     association: str = "embedding"
@@ -102,12 +100,10 @@ class BaffConfig:
     road: bool = True
     instance_norm: int = 2
     context: str = "none"
-    min_depth_m: float = 1.0
-    max_depth_m: float = 100.0
     focal_length_px: float = 630.0
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         check_caution(self.caution)
         if self.association not in ("embedding", "regions"):
             raise ArchitectureError(f"association must be 'embedding' or 'regions', got {self.association!r}")

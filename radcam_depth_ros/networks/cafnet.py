@@ -12,13 +12,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from radcam_depth_ros.networks.config import NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.patches import Patches, around, check_patch, covered
 from radcam_depth_ros.networks.planar_guidance import ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
-from radcam_depth_ros.networks.registry import check, register
+from radcam_depth_ros.networks.registry import register
 from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
 from radcam_depth_ros.networks.sparse import SparseConv
 
@@ -30,7 +31,7 @@ COARSE_WIDTHS = (256, 128, 64, 32, 32)
 
 
 @dataclass(frozen=True)
-class CafnetConfig:
+class CafnetConfig(NetworkConfig):
     """Architecture of `cafnet`.
 
     Attributes:
@@ -38,20 +39,14 @@ class CafnetConfig:
         patch_px: Rows and columns around a return that may belong to it, odd. The public baseline's 150 x 50 px at
             nuScenes' focal length of 1266 px are 37 x 13 px at 315 px.
         ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
-        min_depth_m: Nearest depth that the network gives.
-        max_depth_m: Farthest depth that the network gives.
-        focal_length_px: The focal length that it is trained at.
     """
 
     threshold: float = 0.4
     patch_px: tuple[int, int] = (37, 13)
     ground_prior: bool = True
-    min_depth_m: float = 1.0
-    max_depth_m: float = 100.0
-    focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         check_patch(self.patch_px)
 
 

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from radcam_depth_ros.networks.config import ArchitectureError
 from radcam_depth_ros.networks.rasterise import Rasterise, depth_to_plane, plane_to_depth
-from radcam_depth_ros.networks.registry import ArchitectureError
 
 LEAN = 0.8
 """How far, at most, a doubtful depth goes towards the nearest return's or the road's: a share of the logarithm."""

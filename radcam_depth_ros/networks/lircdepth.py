@@ -12,13 +12,14 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.networks.caution import CautiousDepth, check_caution
+from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
 from radcam_depth_ros.networks.patches import alike, around, check_patch
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
-from radcam_depth_ros.networks.registry import ArchitectureError, check, register
+from radcam_depth_ros.networks.registry import register
 from radcam_depth_ros.networks.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
 
 IMAGE_CHANNELS = (64, 64, 128, 256, 512)
@@ -38,7 +39,7 @@ FINAL_WIDTH = 32
 
 
 @dataclass(frozen=True)
-class LircdepthConfig:
+class LircdepthConfig(NetworkConfig):
     """Architecture of `lircdepth`.
 
     Attributes:
@@ -47,9 +48,6 @@ class LircdepthConfig:
         tolerance: How far a return's depth may be off the dense depth of such a pixel, as a share of it.
         ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
-        min_depth_m: Nearest depth that the network gives.
-        max_depth_m: Farthest depth that the network gives.
-        focal_length_px: The focal length that it is trained at.
     """
 
     threshold: float = 0.5
@@ -57,12 +55,9 @@ class LircdepthConfig:
     tolerance: float = 0.1
     ground_prior: bool = True
     caution: float = 0.7
-    min_depth_m: float = 1.0
-    max_depth_m: float = 100.0
-    focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         check_caution(self.caution)
         check_patch(self.patch_px)
         if not 0 < self.tolerance < 1:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from radcam_depth_ros.networks.registry import ArchitectureError
+from radcam_depth_ros.networks.config import ArchitectureError
 
 
 class Patches(NamedTuple):

@@ -14,10 +14,11 @@ from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS
 from radcam_depth_ros.networks.caution import CautiousDepth, check_caution
+from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.rasterise import depth_to_plane, draw_nearest, plane_to_depth
-from radcam_depth_ros.networks.registry import ArchitectureError, check, register
+from radcam_depth_ros.networks.registry import register
 from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
 from radcam_depth_ros.networks.sparse import SparseConv
 from radcam_depth_ros.networks.up_projection import LEVELS, UpDecoder
@@ -33,7 +34,7 @@ CONFIDENCE_CHANNELS = 16
 
 
 @dataclass(frozen=True)
-class StructuredConfig:
+class StructuredConfig(NetworkConfig):
     """Architecture of `structured`.
 
     Attributes:
@@ -46,9 +47,6 @@ class StructuredConfig:
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
         threshold: tau, from which on a pixel near a return has a semi-dense depth: the confidence, less where coarse
             and dense depth differ.
-        min_depth_m: Nearest depth that the network gives.
-        max_depth_m: Farthest depth that the network gives.
-        focal_length_px: The focal length that it is trained at.
     """
 
     fusion: str = "seg"
@@ -59,12 +57,9 @@ class StructuredConfig:
     ground_prior: bool = True
     caution: float = 0.7
     threshold: float = 0.25
-    min_depth_m: float = 1.0
-    max_depth_m: float = 100.0
-    focal_length_px: float = 315.0
 
     def __post_init__(self) -> None:
-        check(self)
+        super().__post_init__()
         check_caution(self.caution)
         if self.fusion not in FUSIONS:
             raise ArchitectureError(f"fusion must be one of {', '.join(FUSIONS)}, got {self.fusion!r}")
