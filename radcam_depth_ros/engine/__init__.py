@@ -1,7 +1,17 @@
 """A network made ready to run: number format, frozen TorchScript or CUDA graphs, warm-up."""
 
 from radcam_depth_ros.engine.engine import MODES, Engine
+from radcam_depth_ros.engine.memory import give_back_memory
 from radcam_depth_ros.engine.precision import PRECISIONS, EngineError, choose, processor_has_bfloat16
 from radcam_depth_ros.engine.threads import apart
 
-__all__ = ["MODES", "PRECISIONS", "Engine", "EngineError", "apart", "choose", "processor_has_bfloat16"]
+__all__ = [
+    "MODES",
+    "PRECISIONS",
+    "Engine",
+    "EngineError",
+    "apart",
+    "choose",
+    "give_back_memory",
+    "processor_has_bfloat16",
+]

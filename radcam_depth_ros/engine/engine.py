@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import ctypes
 from functools import partial
 
 import torch
@@ -11,15 +10,13 @@ from torch import Tensor, nn
 
 from radcam_depth_ros.engine.calls import PlainCalls
 from radcam_depth_ros.engine.graphs import CudaGraphs
+from radcam_depth_ros.engine.memory import give_back_memory, keep_freed_memory
 from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
 from radcam_depth_ros.engine.threads import apart
 from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
 
 MODES = ("frozen", "eager")
-
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-_KEPT_BYTES = 1 << 30
 
 
 class Engine:
@@ -47,7 +44,7 @@ class Engine:
         self._mode = mode
         self._format = _number_format(network, place, precision, mode)
         if place.type == "cpu":
-            _keep_freed_memory()
+            keep_freed_memory()
         dtype = self._format.dtype
         self._calls: PlainCalls | CudaGraphs
         if mode == "eager":
@@ -57,6 +54,7 @@ class Engine:
             self._calls = CudaGraphs(folded(network, dtype, place), place, dtype)
         else:
             self._calls = PlainCalls(archive.freeze(network, dtype), place, dtype)
+            give_back_memory()
         self._sizes: set[tuple[int, int]] = set()
 
     @property
@@ -125,15 +123,3 @@ def _number_format(network: nn.Module, device: torch.device, precision: str, mod
     if mode == "eager" and precision == "auto":
         return NumberFormat(torch.float32, "the reference")
     return choose(precision, device)
-
-
-def _keep_freed_memory() -> None:
-    """Lets the C library keep what a frame frees for the next frame, where it is glibc.
-
-    It hands large blocks back to the system otherwise, which fills them with zeros again, page by page, for each
-    frame's maps: see docs/decisions.md for what that costs.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_M_MMAP_THRESHOLD, _KEPT_BYTES)
-        mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)

@@ -16,6 +16,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
+from radcam_depth_ros.engine import give_back_memory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, RadcamDepthError
 from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
@@ -163,6 +164,7 @@ class RadcamDepthNode(LifecycleNode):
             return False
         # Only now, so that the network before stays usable when the next one is not; nothing else holds it.
         self._config, self._inputs, self._estimator = _with_full_names(config, inputs), inputs, estimator
+        give_back_memory()
         return True
 
     def _load(self, config: EstimatorConfig, before: EstimatorConfig | None) -> Estimator:
@@ -195,6 +197,7 @@ class RadcamDepthNode(LifecycleNode):
         if self._outputs is not None:
             self._outputs.destroy()
         self._outputs = self._estimator = self._config = self._inputs = None
+        give_back_memory()
         self._settings.frozen_because = ""
         self._phase = "unconfigured"
 

@@ -78,7 +78,7 @@ def test_an_exported_network_is_one_piece(tmp_path: Path, small_weights: Path) -
 def test_each_stage_of_the_networks_is_there_and_called_once(name: str) -> None:
     found: set[tuple[str, str]] = set()
     for architecture in ({}, registry.find(name).paper):
-        running = Running.start(Subject(name, architecture=architecture))
+        running = Running.start(Subject(name, architecture=architecture, mode="eager"))
         network, stages = running.loaded.network, running.loaded.stages
         found.update(stages)
         calls: list[str] = []

@@ -1,13 +1,15 @@
 from __future__ import annotations
 
 import copy
+import os
+from pathlib import Path
 
 import pytest
 import torch
 from torch import Tensor, nn
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.engine import MODES, PRECISIONS, Engine, EngineError
+from radcam_depth_ros.engine import MODES, PRECISIONS, Engine, EngineError, give_back_memory
 from radcam_depth_ros.engine import engine as engine_module
 from radcam_depth_ros.engine.calls import blank_frame
 from radcam_depth_ros.networks import Depths, archive
@@ -175,3 +177,20 @@ def test_batch_norms_are_folded_before_weights_are_rounded() -> None:
     norm = network.first[1]
     gain = (norm.weight / (norm.running_var + norm.eps).sqrt()).reshape(-1, 1, 1, 1)
     torch.testing.assert_close(ready.first[0].weight, (network.first[0].weight * gain).bfloat16(), rtol=0, atol=0)
+
+
+def resident_mib() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def test_loading_a_network_leaves_no_copies_of_it_and_dropping_it_nothing() -> None:
+    give_back_memory()
+    before = resident_mib()
+    network = networks.create("cafnet")
+    weights_mib = sum(value.nbytes for value in network.parameters()) / 2**20
+    engine = Engine(network, precision="float32")
+    assert resident_mib() - before < 3.5 * weights_mib
+    del engine, network
+    give_back_memory()
+    assert resident_mib() - before < 0.5 * weights_mib

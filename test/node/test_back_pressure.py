@@ -48,9 +48,9 @@ def test_the_newest_image_is_worked_on_and_nothing_piles_up(
         handed_ns.append(ticket.frame.stamp_ns)
         put(ticket)
 
-    def estimate_and_look(frame: Any) -> Any:
+    def estimate_and_look(frame: Any, **options: Any) -> Any:
         behind.append(sum(stamp > frame.stamp_ns for stamp in handed_ns))
-        return estimate(frame)
+        return estimate(frame, **options)
 
     session._worker.put, bench.fake.estimate = put_and_note, estimate_and_look
     before_in, before_dropped = session.frames_in, session.frames_dropped
