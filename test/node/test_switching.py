@@ -35,6 +35,7 @@ def engine_parts(estimator: Estimator) -> list[weakref.ref[Any]]:
     return [weakref.ref(part) for part in (estimator, estimator._engine, estimator._engine._calls)]
 
 
+@pytest.mark.timeout(400)  # three networks are scripted, on a machine that may be busy
 def test_one_network_after_another_without_a_restart(
     start: Callable[..., Any],
     small_weights: Path,
