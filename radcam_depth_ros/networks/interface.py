@@ -134,4 +134,4 @@ class SinglePass(Network):
 
     def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
         """A NamedTuple of the network's own; arguments as in `forward`."""
-        raise NotImplementedError
+        raise TypeError(f"{type(self).__name__} does not define outputs")
