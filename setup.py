@@ -29,9 +29,12 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         share_files("config", "*.yaml", "*.xml"),
+        share_files("config/nav2", "*.yaml"),
+        share_files("config/sensors", "*.yaml"),
         share_files("config/train", "*.yaml"),
         share_files("launch", "*.launch.py", "*.launch.xml"),
         share_files("rviz", "*.rviz"),
+        share_files("foxglove", "*.json"),
     ],
     zip_safe=False,
     install_requires=[

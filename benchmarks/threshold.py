@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from radcam_depth_ros import networks
+from benchmarks.adjusted import adjusted
 from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.networks import archive
 from radcam_depth_ros.training.batches import SampleSet
@@ -47,8 +47,7 @@ def main() -> None:
     precision = Precision.choose("float32", "cpu")
     rows = []
     for threshold in track(options.thresholds, "evaluating"):
-        network = networks.create(card.network, {**card.architecture, "threshold": threshold}).eval()
-        network.load_state_dict(loaded.network.state_dict())
+        network = adjusted(loaded, threshold=threshold)
         rows.append({"threshold": threshold, **dataclasses.asdict(validate(network, chosen, precision))})
     if options.json:
         write_json({"model": str(options.model), "frames": len(chosen), "rows": rows}, options.json)

@@ -17,7 +17,6 @@ from rich.table import Table as RichTable
 
 from demo.measure import CAMERA_INFO, CONFIDENCE, DEPTH, SEMI_DENSE, Traffic, measure, write_page
 from demo.plan import Plan, plan_drive
-from demo.player import Player
 from demo.process import DemoError, NodeProcess
 from demo.recorder import Recorder
 from demo.session import Session, await_discovery, ros_node, spinning
@@ -25,6 +24,7 @@ from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.evaluation.tables import Table, summary_table
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS
+from radcam_depth_ros.playing import PlayedTopic, Player
 
 IMAGE = "sensor_msgs/msg/Image"
 OUTPUTS = {DEPTH: IMAGE, CAMERA_INFO: "sensor_msgs/msg/CameraInfo", SEMI_DENSE: IMAGE, CONFIDENCE: IMAGE}
@@ -91,7 +91,7 @@ def _run(plan: Plan, rate: float | None, recording: Path, out: Path) -> Traffic:
         process = stack.enter_context(NodeProcess(parameters, out / "node.log", plan.remappings))
         node = stack.enter_context(ros_node())
         recorder = stack.enter_context(Recorder(node, OUTPUTS, OTHERS, recording))
-        player = Player(node, plan.played, rate or 1.0)
+        player = Player(node, [PlayedTopic(*topic) for topic in plan.played.items()], rate or 1.0)
         stack.enter_context(spinning(node))
         console.print(f"starting the node; listen along with ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']} ...")
         await_discovery(process, player, recorder)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +16,8 @@ from radcam_depth_ros.evaluation.panels import PanelKeeper
 from radcam_depth_ros.evaluation.report import write_report
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.evaluation.tables import Fact, Table, tables_of
-from radcam_depth_ros.frame import DepthResult, Frame
-from radcam_depth_ros.messages import Calibration, decode_depth
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS
+from radcam_depth_ros.viewing import RecordedDepth
 
 DEPTH = f"/{OUTPUT_TOPICS['depth']}"
 CAMERA_INFO = f"/{OUTPUT_TOPICS['depth_camera_info']}"
@@ -55,39 +53,6 @@ class Traffic:
             ("", "frames in", "out", "dropped", "latency p50 ms", "p99 ms"),
             (("live", *(str(count) for count in counts), f"{p50:.0f}", f"{p99:.0f}"),),
             "Latency: from the image's publishing to the arrival of its depth image, both over DDS.",
-        )
-
-
-class RecordedDepth:
-    """The depth images of a bag, frame after frame, in place of a network.
-
-    Args:
-        reader: The bag; it stays open as long as this is used.
-    """
-
-    def __init__(self, reader: BagReader) -> None:
-        recorded = {topic.name for topic in reader.topics}
-        topics = [topic for topic in (DEPTH, CAMERA_INFO, SEMI_DENSE, CONFIDENCE) if topic in recorded]
-        messages = reader.messages(topics)
-        self._groups = (
-            (stamp_ns, {item.topic: item.message for item in group})
-            for stamp_ns, group in itertools.groupby(messages, key=lambda item: item.log_time_ns)
-        )
-        self._next = next(self._groups, None)
-
-    def predict(self, frame: Frame) -> DepthResult | None:
-        """The depth recorded for a frame, None where there is none; frames in the order of their stamps."""
-        while self._next is not None and self._next[0] < frame.stamp_ns:
-            self._next = next(self._groups, None)
-        if self._next is None or self._next[0] != frame.stamp_ns or len(self._next[1]) < 4:
-            return None
-        found = self._next[1]
-        camera = Calibration(found[CAMERA_INFO]).camera
-        dense, semi_dense, confidence = (
-            decode_depth(found[topic]).depth_m for topic in (DEPTH, SEMI_DENSE, CONFIDENCE)
-        )
-        return DepthResult(
-            frame.stamp_ns, frame.frame_id, camera, dense, semi_dense, confidence, radar_in_view=len(frame.radar)
         )
 
 

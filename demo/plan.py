@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
 from radcam_depth_ros.bags import BagReader, SensorTopics, find_topics, read_static_transforms
-from radcam_depth_ros.frame import GroundPlane
 from radcam_depth_ros.geometry import TransformTree, ground_plane
+from radcam_depth_ros.inspection import extrinsic_parameters, ground_parameters, image_remapping, topic_parameters
 
 FOOTPRINT_FRAME = "base_footprint"  # REP 105
-COMPRESSED = "sensor_msgs/msg/CompressedImage"
 NODE_NAME = "radcam_depth"
 
 
@@ -62,50 +60,27 @@ def plan_drive(bag: Path, model: Path | None = None) -> Plan:
         parameters: dict[str, object] = {"use_sim_time": True}
         if model is not None:
             parameters["model_file"] = str(model.resolve())
-        parameters.update(_topic_parameters(sensors, played))
+        image_type = played[sensors.image]
+        parameters.update(topic_parameters(sensors.image, image_type, sensors.camera_info, sensors.radars))
         # A best-effort reader, the node's default, loses what comes before it knows the player, which knows it already.
         parameters.update({f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in played})
         parameters.update(_extrinsics(reader, sensors, transforms))
         images = reader.count([sensors.image])
-    compressed = f"{parameters['image_topic']}/compressed"
-    renamed = played[sensors.image] == COMPRESSED and compressed != sensors.image
-    return Plan(bag, sensors, played, images, parameters, {compressed: sensors.image} if renamed else {})
+    remapping = image_remapping(sensors.image, image_type)
+    return Plan(bag, sensors, played, images, parameters, dict([remapping]) if remapping else {})
 
 
 def _played(sensors: SensorTopics) -> tuple[str, ...]:
     return (sensors.image, sensors.camera_info, *sensors.radars)
 
 
-def _topic_parameters(sensors: SensorTopics, types: dict[str, str]) -> dict[str, object]:
-    is_compressed = types[sensors.image] == COMPRESSED
-    return {
-        "image_topic": sensors.image.removesuffix("/compressed") if is_compressed else sensors.image,
-        "image_transport": "compressed" if is_compressed else "raw",
-        "camera_info_topic": sensors.camera_info,
-        "radar_topics": list(sensors.radars),
-    }
-
-
 def _extrinsics(reader: BagReader, sensors: SensorTopics, transforms: TransformTree) -> dict[str, object]:
     camera_frame = _frame_id(reader, sensors.image)
-    numbers: list[float] = []
-    for radar in sensors.radars:
-        camera_from_radar = transforms.lookup(camera_frame, _frame_id(reader, radar))
-        numbers += [float(value) for value in (*camera_from_radar.translation, *camera_from_radar.quaternion)]
-    parameters: dict[str, object] = {"camera_from_radar": numbers}
+    parameters = extrinsic_parameters(transforms, camera_frame, [_frame_id(reader, radar) for radar in sensors.radars])
     if transforms.can_transform(camera_frame, FOOTPRINT_FRAME):
-        parameters.update(_ground(ground_plane(transforms.lookup(camera_frame, FOOTPRINT_FRAME))))
+        parameters.update(ground_parameters(ground_plane(transforms.lookup(camera_frame, FOOTPRINT_FRAME))))
     return parameters
 
 
 def _frame_id(reader: BagReader, topic: str) -> str:
     return str(next(iter(reader.messages([topic]))).message.header.frame_id)
-
-
-def _ground(ground: GroundPlane) -> dict[str, object]:
-    right, down, forward = (float(value) for value in ground.up)
-    return {
-        "camera_height_m": float(ground.height_m),
-        "camera_pitch_deg": math.degrees(-math.asin(forward)),
-        "camera_roll_deg": math.degrees(math.atan2(-right, -down)),
-    }

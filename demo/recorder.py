@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import threading
 import time
 from collections.abc import Mapping
@@ -13,15 +12,8 @@ from types import TracebackType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from demo.player import message_class
-from radcam_depth_ros.bags import BagWriter
-
-
-def header_stamp_ns(raw: bytes) -> int:
-    """The stamp of a serialised (CDR) message that begins with a std_msgs/Header, nanoseconds."""
-    byte_order = "<" if raw[1] & 1 else ">"
-    seconds, nanoseconds = struct.unpack_from(f"{byte_order}iI", raw, 4)
-    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+from radcam_depth_ros.bags import BagWriter, header_stamp_ns
+from radcam_depth_ros.playing import message_class
 
 
 class Recorder:

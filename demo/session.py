@@ -11,9 +11,10 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from demo.player import CLOCK_PERIOD_S, PlayedMessage, Player
 from demo.process import DemoError, NodeProcess
-from demo.recorder import Recorder, header_stamp_ns
+from demo.recorder import Recorder
+from radcam_depth_ros.bags import header_stamp_ns
+from radcam_depth_ros.playing import CLOCK_PERIOD_S, PlayedMessage, Player
 
 START_TIMEOUT_S = 300.0
 FRAME_TIMEOUT_S = 60.0

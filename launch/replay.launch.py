@@ -1,56 +1,83 @@
 """A recorded drive through the node: ros2 launch radcam_depth_ros replay.launch.py bag:=drive.mcap image:=... ."""
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, TimerAction
-from launch.conditions import IfCondition
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    LogInfo,
+    OpaqueFunction,
+    RegisterEventHandler,
+    TimerAction,
+)
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
-from launch_ros.actions import Node
+from launch_ros.event_handlers import OnStateTransition
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "radcam_depth_ros"
 # Arguments of depth.launch.py that a replay passes on, with their defaults there.
 PASSED_ON = {
-    "params_file": PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "node.yaml"]),
+    "sensors": "",
+    "params_file": "",
     "image": "",
+    "image_transport": "",
     "camera_info": "",
     "radar_topics": "",
-    "image_transport": "",
+    "camera_height_m": "",
+    "network": "",
     "model_file": "",
     "device": "",
     "log_level": "info",
+    "rviz": "false",
 }
+
+
+def player(context: LaunchContext) -> ExecuteProcess:
+    """`ros2 bag play` with the arguments' values."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in ("bag", "rate", "start_offset", "loop")}
+    command = ["ros2", "bag", "play", given["bag"], "--clock", "--rate", given["rate"]]
+    command += ["--start-offset", given["start_offset"]]
+    command += ["--loop"] if given["loop"] == "true" else []
+    return ExecuteProcess(cmd=command, output="screen")
+
+
+def play_when_active(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Plays once the network is loaded: before, the node hears nothing."""
+    play = player(context)
+
+    def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+        return [] if play.process_details else [play]
+
+    begin = OpaqueFunction(function=start)
+    # That the node is active is told once: where it got lost, play nevertheless.
+    longest = TimerAction(period=LaunchConfiguration("longest_wait"), actions=[begin], cancel_on_shutdown=True)
+    active = OnStateTransition(
+        goal_state="active", entities=[LogInfo(msg="the node is active: playing the bag"), begin]
+    )
+    return [RegisterEventHandler(active), longest]
 
 
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` asks for."""
-    share = FindPackageShare(PACKAGE)
     arguments = [
         DeclareLaunchArgument("bag", description="Rosbag2 folder or .mcap file."),
         DeclareLaunchArgument("rate", default_value="1.0", description="How fast to play: 0.5 is half as fast."),
-        DeclareLaunchArgument("start_delay", default_value="10.0", description="Seconds for the network to load."),
-        DeclareLaunchArgument("rviz", default_value="false", description="true to look at it in RViz."),
-        *(DeclareLaunchArgument(name, default_value=default) for name, default in PASSED_ON.items()),
+        DeclareLaunchArgument(
+            "start_offset", default_value="0.0", description="Seconds to leave out at the beginning."
+        ),
+        DeclareLaunchArgument("loop", default_value="false", choices=("true", "false"), description="Begin anew."),
+        DeclareLaunchArgument("longest_wait", default_value="60.0", description="Seconds until it plays in any case."),
+        *(
+            DeclareLaunchArgument(name, default_value=default, description="As of depth.launch.py.")
+            for name, default in PASSED_ON.items()
+        ),
     ]
     node = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(PathJoinSubstitution([share, "launch", "depth.launch.py"])),
+        PythonLaunchDescriptionSource(PathJoinSubstitution([FindPackageShare(PACKAGE), "launch", "depth.launch.py"])),
         launch_arguments={
             "use_sim_time": "true",
             **{name: LaunchConfiguration(name) for name in PASSED_ON},
         }.items(),
     )
-    play = ExecuteProcess(
-        cmd=["ros2", "bag", "play", LaunchConfiguration("bag"), "--clock", "--rate", LaunchConfiguration("rate")],
-        output="screen",
-    )
-    rviz = Node(
-        package="rviz2",
-        executable="rviz2",
-        arguments=["-d", PathJoinSubstitution([share, "rviz", "radcam_depth.rviz"])],
-        parameters=[{"use_sim_time": True}],
-        condition=IfCondition(LaunchConfiguration("rviz")),
-    )
-    # The player has no way to wait for the node, which hears nothing before its network is loaded.
-    return LaunchDescription(
-        [*arguments, node, rviz, TimerAction(period=LaunchConfiguration("start_delay"), actions=[play])]
-    )
+    return LaunchDescription([*arguments, OpaqueFunction(function=play_when_active), node])

@@ -18,13 +18,13 @@ class FileError(RadcamDepthError):
 def whole(path: Path | str) -> Iterator[Path]:
     """A temporary sibling to write to: it takes the file's name when the block succeeds, and goes away when it fails.
 
-    Makes the folder.
+    Makes the folder. The sibling has the file's suffix, by which some writers tell the format.
 
     Raises:
         FileError: when it cannot be written; what was there before is intact.
     """
     target = Path(path)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    temporary = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary

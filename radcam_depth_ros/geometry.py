@@ -124,6 +124,11 @@ class TransformTree:
         """All frames that are known, sorted."""
         return tuple(sorted({*self._parent, *(parent for parent, _ in self._parent.values())}))
 
+    def parent_of(self, frame: str) -> str | None:
+        """The frame that a frame is fixed to; None for the root of a tree and for a frame that is not known."""
+        link = self._parent.get(frame.lstrip("/"))
+        return link[0] if link is not None else None
+
     def set(self, parent_frame: str, child_frame: str, parent_from_child: RigidTransform) -> None:
         """Fixes a frame to its parent.
 
@@ -145,6 +150,10 @@ class TransformTree:
             ancestor = self._parent[ancestor][0] if ancestor in self._parent else None
         self._parent[child] = (parent, parent_from_child)
         self._found.clear()
+
+    def link(self, frame: str) -> tuple[str, RigidTransform] | None:
+        """A frame's parent and `parent_from_frame`; None where it has none, or is not known."""
+        return self._parent.get(frame.lstrip("/"))
 
     def can_transform(self, target_frame: str, source_frame: str) -> bool:
         """Whether `lookup` would succeed."""

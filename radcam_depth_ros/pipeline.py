@@ -157,15 +157,15 @@ class Pipeline(Intake):
             preview=encode_preview(factory, result.dense, config.preview_near_m, config.preview_far_m, *stamp)
             if preview
             else None,
-            points=encode_cloud(factory, result.dense, _image_at(frame, result.camera), result.camera, *stamp)
+            points=encode_cloud(factory, result.dense, image_at(frame, result.camera), result.camera, *stamp)
             if points
             else None,
             classes=None if result.classes is None else encode_image(factory, result.classes, *stamp),
         )
 
 
-def _image_at(frame: Frame, camera: CameraModel) -> ImageArray:
-    """The frame's image at the size of the depth, for colours only."""
+def image_at(frame: Frame, camera: CameraModel) -> ImageArray:
+    """The frame's image, rectified, at the size of its depth, for colours and pictures."""
     if camera == frame.camera:
         return rectify(frame.image, camera, frame.lens)
     return resample_image(frame.image, CanonicalCamera(frame.camera, camera, camera), frame.lens)

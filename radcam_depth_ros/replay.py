@@ -5,6 +5,7 @@ Reading, the network and writing have a thread each, so that the network need no
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,7 +16,7 @@ from typing import Any
 
 from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.bags.topics import SensorTopics
-from radcam_depth_ros.drive import DriveSettings, prime
+from radcam_depth_ros.drive import DriveSettings, DriveWarning, motion_topics, prime, unmoved
 from radcam_depth_ros.estimator import Estimator, NetworkInputs
 from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
 from radcam_depth_ros.networks import Depths
@@ -94,7 +95,8 @@ def replay(
         pipeline = Pipeline(config, estimator, factory)
         prime(reader, pipeline, topics)
         images = reader.count([topics.image])
-        sensors = {topics.image, topics.camera_info, *topics.radars}
+        moving = motion_topics(topics, config)
+        sensors = {topics.image, topics.camera_info, *topics.radars, *moving}
         now_ns = 0
         with (
             BagWriter(target, overwrite=options.overwrite, compress=options.compress) as writer,
@@ -109,13 +111,16 @@ def replay(
                 frames = pipeline.expire(now_ns)
                 if message.topic in sensors:
                     try:
-                        frames += pipeline.accept(message.topic, message.message, now_ns)
+                        topic = moving.get(message.topic, message.topic)
+                        frames += pipeline.accept(topic, message.message, now_ns)
                     except RadcamDepthError as error:
                         raise type(error)(f"{message.topic}, {line.taken} frames into the bag: {error}") from error
                 for frame in frames:
                     line.process(frame, now_ns)
             for frame in pipeline.flush():
                 line.process(frame, now_ns)
+    if pipeline.unmoved_frames:
+        warnings.warn(f"{source}: {unmoved(pipeline, line.done)}", DriveWarning, stacklevel=2)
     return ReplaySummary(topics, images, line.done, line.without_radar)
 
 

@@ -1,20 +1,21 @@
-"""What all tests share: an own ROS domain for each worker, the real drives, small drives made by hand."""
+"""What all tests share: an own ROS domain for each worker, the real drives, small drives made by hand, a fake node."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 import torch
+from fake_node import FakeNode
 from small_drive import CAMERA_FROM_RADAR, START_NS, small_messages
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.bags import BagWriter, factory
+from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.messages import StampedTransform, encode_transforms
 from radcam_depth_ros.networks import archive
 
@@ -67,6 +68,24 @@ def write_drive() -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Sequence[BagMessage]:
+    """Three frames of the small drive: radar, image, camera_info and exact depth, every 100 ms."""
+    path = tmp_path_factory.mktemp("recorded") / "drive.mcap"
+    with BagWriter(path) as writer:
+        for index in range(3):
+            for topic, type_name, message, time_ns in small_messages(factory, index):
+                writer.write(topic, message, time_ns, type_name)
+    with BagReader(path) as reader:
+        return tuple(reader.messages())
+
+
+@pytest.fixture
+def fake_node() -> FakeNode:
+    """Keeps what is published, in place of rclpy's."""
+    return FakeNode()
 
 
 @pytest.fixture(scope="session")

@@ -126,7 +126,7 @@ def test_what_ros_tools_look_for_is_shared(setup_arguments: dict[str, Any]) -> N
     assert shared["share/ament_index/resource_index/packages"] == [f"resource/{PACKAGE}"]
     installed = {file for files in shared.values() for file in files}
     assert all((ROOT / file).is_file() for file in installed)
-    for folder in ("config", "launch", "rviz"):
+    for folder in ("config", "foxglove", "launch", "rviz"):
         wanted = {str(path.relative_to(ROOT)) for path in (ROOT / folder).rglob("*") if path.is_file()}
         assert {path for path in wanted if "__pycache__" not in path} <= installed
 

@@ -9,10 +9,11 @@ from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS
 
 from radcam_depth_ros.bags import BagError, BagReader
 from radcam_depth_ros.classes import CLASS_NAMES
-from radcam_depth_ros.drive import DriveError, DriveSettings, read_samples
+from radcam_depth_ros.drive import DriveError, DriveSettings, DriveWarning, read_samples
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, NetworkInputs
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.messages import MessageError, decode_classes, decode_depth
+from radcam_depth_ros.pairing import PairingConfig
 from radcam_depth_ros.pipeline import Pipeline
 from radcam_depth_ros.replay import ReplayOptions, replay
 
@@ -182,6 +183,20 @@ def test_extrinsics_given_by_hand(tmp_path: Path, write_drive: WriteDrive, estim
     numbers = (*CAMERA_FROM_RADAR.translation, *CAMERA_FROM_RADAR.quaternion)
     summary = replay(drive, tmp_path / "out", estimator, DriveSettings(camera_from_radar=numbers))
     assert summary.frames == 5
+
+
+def test_several_sweeps_of_a_bag_that_does_not_say_how_the_vehicle_moved(
+    tmp_path: Path, write_drive: WriteDrive, estimator: Estimator
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap")
+    settings = DriveSettings(pairing=PairingConfig(radar_sweeps=3))
+    sentence = r"in 5 of 5 frames radar returns cannot be moved .* no pose of 'camera' in 'odom' came on /tf"
+    with pytest.warns(DriveWarning, match=sentence):
+        summary = replay(drive, tmp_path / "out", estimator, settings)
+    assert (summary.frames, summary.without_radar) == (5, 0)
+    with pytest.warns(DriveWarning, match=sentence):
+        samples = list(read_samples(drive, settings))
+    assert [len(sample.frame.radar) for sample in samples] == [4] * 5
 
 
 def test_a_real_drive(astyx_val: Path, estimator: Estimator) -> None:

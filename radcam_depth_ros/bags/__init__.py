@@ -1,6 +1,7 @@
 """Bags: reading, writing and building messages without ROS, and finding the sensors among the topics."""
 
 from radcam_depth_ros.bags.errors import BagError
+from radcam_depth_ros.bags.headers import Header, header_stamp_ns, read_header
 from radcam_depth_ros.bags.message_factory import RosbagsFactory, factory
 from radcam_depth_ros.bags.reader import BagMessage, BagReader, TopicInfo
 from radcam_depth_ros.bags.scenario import SCENARIO_TOPIC, read_scenario
@@ -14,11 +15,14 @@ __all__ = [
     "BagMessage",
     "BagReader",
     "BagWriter",
+    "Header",
     "RosbagsFactory",
     "SensorTopics",
     "TopicInfo",
     "factory",
     "find_topics",
+    "header_stamp_ns",
+    "read_header",
     "read_scenario",
     "read_static_transforms",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from radcam_depth_ros.bags.errors import BagError
@@ -60,6 +60,12 @@ class MessageType:
         except Exception:  # a parser of foreign text: whatever it raises means that there is no definition
             return cls.jazzy(name)
         return cls(name, store) if name in store.fielddefs else cls.jazzy(name)
+
+    @property
+    def has_header(self) -> bool:
+        """Whether messages of the type begin with a std_msgs/Header."""
+        fields = self.typestore.fielddefs[self.name][1]
+        return bool(fields) and fields[0] == ("header", (Nodetype.NAME, "std_msgs/msg/Header"))
 
     def deserialise(self, raw: bytes, topic: str) -> Any:
         """The message in CDR bytes.

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rosbags.interfaces import Connection, QosDurability
+from rosbags.interfaces import Connection, QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2 import Reader
 
 from radcam_depth_ros.bags.definitions import MessageType
@@ -27,12 +27,16 @@ class TopicInfo:
         type_name: For example `sensor_msgs/msg/Image`.
         count: Number of messages.
         latched: Whether it was published transient local, as `/tf_static` always is.
+        reliable: Whether it was published reliable; True where the bag does not say.
+        queue_depth: How many messages its publisher kept; 0 where the bag does not say, or for all of them.
     """
 
     name: str
     type_name: str
     count: int
     latched: bool = False
+    reliable: bool = True
+    queue_depth: int = 0
 
 
 class BagMessage:
@@ -121,23 +125,27 @@ class BagReader:
         self._check_topics(topics)
         return sum(topic.count for topic in self.topics if topics is None or topic.name in topics)
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+    def messages(
+        self, topics: Collection[str] | None = None, *, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[BagMessage]:
         """The messages in the order of their log times.
 
         Args:
             topics: Names of the topics to read; all by default.
+            start_ns: The first log time to read, nanoseconds.
+            stop_ns: The first log time after that, nanoseconds.
 
         Raises:
             BagError: for a topic that the bag lacks, and where the bag turns out to be damaged.
         """
         self._check_topics(topics)
         chosen = [connection for connection in self._connections if topics is None or connection.topic in topics]
-        return self._read(chosen)
+        return self._read(chosen, start_ns, stop_ns)
 
-    def _read(self, connections: list[Connection]) -> Iterator[BagMessage]:
+    def _read(self, connections: list[Connection], start_ns: int | None, stop_ns: int | None) -> Iterator[BagMessage]:
         if not connections:  # to rosbags none means all
             return
-        stored = self._reader.messages(connections=connections)
+        stored = self._reader.messages(connections=connections, start=start_ns, stop=stop_ns)
         while True:
             try:
                 item = next(stored, None)
@@ -158,15 +166,11 @@ class BagReader:
         return self._types[name]
 
     def _list_topics(self) -> tuple[TopicInfo, ...]:
-        counts: dict[tuple[str, str], int] = {}
-        latched: dict[tuple[str, str], bool] = {}
-        for connection in self._connections:  # two publishers of one topic may be two connections
-            key = (connection.topic, connection.msgtype)
-            profiles = connection.ext.offered_qos_profiles
-            transient = any(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in profiles)
-            counts[key] = counts.get(key, 0) + connection.msgcount
-            latched[key] = latched.get(key, connection.topic == "/tf_static") or transient
-        return tuple(TopicInfo(*key, count=counts[key], latched=latched[key]) for key in sorted(counts))
+        # Two publishers of one topic may be two connections.
+        groups: dict[tuple[str, str], list[Connection]] = {}
+        for connection in self._connections:
+            groups.setdefault((connection.topic, connection.msgtype), []).append(connection)
+        return tuple(_topic_info(*key, groups[key]) for key in sorted(groups))
 
     def _check_topics(self, topics: Collection[str] | None) -> None:
         known = {topic.name for topic in self.topics}
@@ -180,6 +184,21 @@ class BagReader:
             f"the bag {self.path} is truncated, damaged or no ROS 2 bag ({reason}); copy or record it again, "
             "or repair an interrupted recording with `mcap recover` or `ros2 bag reindex`"
         )
+
+
+def _topic_info(name: str, type_name: str, connections: list[Connection]) -> TopicInfo:
+    profiles = [profile for connection in connections for profile in connection.ext.offered_qos_profiles]
+    return TopicInfo(
+        name,
+        type_name,
+        count=sum(connection.msgcount for connection in connections),
+        latched=name == "/tf_static"
+        or any(profile.durability == QosDurability.TRANSIENT_LOCAL for profile in profiles),
+        reliable=not profiles or any(profile.reliability != QosReliability.BEST_EFFORT for profile in profiles),
+        queue_depth=max(
+            (int(profile.depth) for profile in profiles if profile.history == QosHistory.KEEP_LAST), default=0
+        ),
+    )
 
 
 def _check_is_bag(path: Path) -> None:

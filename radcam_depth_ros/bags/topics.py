@@ -116,37 +116,42 @@ def find_topics(
     Raises:
         BagError: when the bag has no camera, camera_info or radar, or not what is asked for by name.
     """
-    chooser = _Chooser([topic for topic in topics if topic.count > 0])
+    chooser = TopicChooser(topics)
     image = chooser.named("image", image, IMAGE_TYPES) or chooser.find_image()
     camera_info = chooser.named("camera_info", camera_info, CAMERA_INFO_TYPES) or chooser.find_camera_info(image)
     if radars is None:
         found_radars = chooser.find_radars()
     else:
         found_radars = tuple(chooser.named("radar", name, CLOUD_TYPES) or name for name in radars)
-    odometries = chooser.of_type(ODOMETRY_TYPES)
     return SensorTopics(
         image=image,
         camera_info=camera_info,
         radars=found_radars,
         lidar=chooser.named("lidar", lidar, CLOUD_TYPES) or chooser.find_lidar(found_radars),
-        depth=chooser.named("depth", depth, IMAGE_TYPES[:1]) or chooser.find_ground_truth(("depth",)),
-        classes=chooser.named("classes", classes, IMAGE_TYPES) or chooser.find_ground_truth(_CLASS_HINTS),
-        odometry=chooser.named("odometry", odometry, ODOMETRY_TYPES) or min(odometries, key=_shortest, default=None),
+        depth=chooser.named("depth", depth, IMAGE_TYPES[:1]) or chooser.find_depth(),
+        classes=chooser.named("classes", classes, IMAGE_TYPES) or chooser.find_classes(),
+        odometry=chooser.named("odometry", odometry, ODOMETRY_TYPES) or chooser.find_odometry(),
         tf_static=chooser.find_transforms("tf_static"),
         tf=chooser.find_transforms("tf"),
     )
 
 
-class _Chooser:
-    """The topics of a bag that hold messages, and the choices among them."""
+class TopicChooser:
+    """The topics of a bag that hold messages, and the choices among them, one by one.
 
-    def __init__(self, topics: list[TopicInfo]) -> None:
-        self._topics = topics
+    Args:
+        topics: `BagReader.topics`.
+    """
+
+    def __init__(self, topics: Iterable[TopicInfo]) -> None:
+        self._topics = [topic for topic in topics if topic.count > 0]
 
     def of_type(self, types: Collection[str]) -> list[str]:
+        """Names of the topics of some types."""
         return [topic.name for topic in self._topics if topic.type_name in types]
 
     def named(self, role: str, name: str | None, types: Sequence[str]) -> str | None:
+        """The name itself, None for None; BagError when no topic of these types has it."""
         if name is None:
             return None
         fitting = self.of_type(types)
@@ -156,6 +161,7 @@ class _Chooser:
         return name
 
     def find_image(self) -> str:
+        """The camera's images; BagError when there are none."""
         images = [name for name in self.of_type(IMAGE_TYPES) if not _has(name, _NO_CAMERA_HINTS)]
         if not images:
             raise self._lacks("camera image", IMAGE_TYPES)
@@ -166,6 +172,7 @@ class _Chooser:
         return min(with_info or images, key=lambda name: (not _has(name, ("front",)), name not in raw, _shortest(name)))
 
     def find_camera_info(self, image: str) -> str:
+        """The calibration of a camera; BagError when there is none, or several and none beside the images."""
         infos = self.of_type(CAMERA_INFO_TYPES)
         if not infos:
             raise self._lacks("camera_info", CAMERA_INFO_TYPES)
@@ -177,16 +184,30 @@ class _Chooser:
         return sibling or infos[0]
 
     def find_radars(self) -> tuple[str, ...]:
+        """The radars' clouds, sorted; BagError when there are none."""
         radars = sorted(name for name in self.of_type(CLOUD_TYPES) if _has(name, _RADAR_HINTS))
         if not radars:
             raise self._lacks("radar", CLOUD_TYPES)
         return tuple(radars)
 
     def find_lidar(self, radars: tuple[str, ...]) -> str | None:
+        """A LiDAR's cloud; None when there is none."""
         clouds = [name for name in self.of_type(CLOUD_TYPES) if name not in radars and not _has(name, _RADAR_HINTS)]
         return min((name for name in clouds if _has(name, _LIDAR_HINTS)), key=_shortest, default=None)
 
-    def find_ground_truth(self, hints: tuple[str, ...]) -> str | None:
+    def find_depth(self) -> str | None:
+        """Exact depth images; None when there are none."""
+        return self._find_ground_truth(("depth",))
+
+    def find_classes(self) -> str | None:
+        """Class images; None when there are none."""
+        return self._find_ground_truth(_CLASS_HINTS)
+
+    def find_odometry(self) -> str | None:
+        """The vehicle's motion; None when there is none."""
+        return min(self.of_type(ODOMETRY_TYPES), key=_shortest, default=None)
+
+    def _find_ground_truth(self, hints: tuple[str, ...]) -> str | None:
         images = [name for name in self.of_type(IMAGE_TYPES[:1]) if _has(name, hints)]
         exact = [name for name in images if _has(name, ("ground_truth",))]
         # A plain depth camera counts too; the node's own outputs do not, which end in image_rect or confidence.
@@ -194,6 +215,7 @@ class _Chooser:
         return min(exact or measured, key=_shortest, default=None)
 
     def find_transforms(self, last_part: str) -> str | None:
+        """Transforms on `tf` or `tf_static`; None when there are none."""
         names = [name for name in self.of_type(TRANSFORM_TYPES) if name.rsplit("/", 1)[-1] == last_part]
         return min(names, key=_shortest, default=None)
 

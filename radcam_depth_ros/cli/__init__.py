@@ -11,9 +11,11 @@ from radcam_depth_ros.cli.evaluate import evaluate
 from radcam_depth_ros.cli.export import export
 from radcam_depth_ros.cli.inspect import inspect
 from radcam_depth_ros.cli.networks import networks
+from radcam_depth_ros.cli.play import play
 from radcam_depth_ros.cli.replay import replay
 from radcam_depth_ros.cli.simulate import simulate
 from radcam_depth_ros.cli.train import train
+from radcam_depth_ros.cli.view import view
 
 BAD_INPUT = 2
 """Exit code for what a user can mend; the sentence on stderr says how."""
@@ -26,7 +28,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for verb in (simulate, replay, evaluate, train, export, networks, inspect, bench):
+for verb in (simulate, replay, evaluate, train, export, networks, inspect, play, view, bench):
     app.command()(verb)
 
 

@@ -2,69 +2,43 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import dataclasses
+from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
-from rich.table import Table
 
-from radcam_depth_ros.cli.options import Bag, JsonOption, write_json
-
-if TYPE_CHECKING:
-    from radcam_depth_ros.bags import BagReader
+from radcam_depth_ros.cli.options import Bag, JsonOption, progress_bar, write_json
 
 
-def inspect(bag: Bag, json_target: JsonOption = None) -> None:
-    """Lists a bag's topics with their rates, and which of them would be taken for camera, radars and ground truth.
+def inspect(
+    bag: Bag,
+    json_target: JsonOption = None,
+    params: Annotated[
+        Path | None, typer.Option(help="Write the node's parameters that fit the bag to this YAML file.")
+    ] = None,
+) -> None:
+    """Tells what a bag holds for the node: topics, rates, contents, frames, clocks, and what is missing.
 
-    Example: radcam-depth simulate out/seen --seed 7 --frames 20 && radcam-depth inspect out/seen
+    Example: radcam-depth simulate out/seen --seed 7 --frames 20 && radcam-depth inspect out/seen --params out/seen.yaml
     """
-    from radcam_depth_ros.bags import BagReader
+    from radcam_depth_ros import inspection
+    from radcam_depth_ros.cli.inspect_tables import print_report
+    from radcam_depth_ros.frame import RadcamDepthError
 
-    with BagReader(bag) as reader:
-        seconds = reader.duration_ns / 1e9
-        roles, missing = _roles(reader)
-        rows: list[dict[str, Any]] = [
-            {
-                "topic": topic.name,
-                "type": topic.type_name,
-                "messages": topic.count,
-                "hz": round((topic.count - 1) / seconds, 2) if topic.count > 1 and seconds > 0 else None,
-                "role": roles.get(topic.name, ""),
-            }
-            for topic in sorted(reader.topics, key=lambda topic: topic.name)
-        ]
+    with progress_bar() as bar:
+        task = bar.add_task("reading", total=None)
+        report = inspection.survey(bag, lambda done, total: bar.update(task, completed=done, total=total))
     if json_target is not None:
-        write_json({"bag": str(bag), "seconds": seconds, "topics": rows, "missing": missing}, json_target)
+        write_json(dataclasses.asdict(report), json_target)
+    else:
+        print_report(report)
+    if params is None:
         return
-    table = Table(title=f"{bag}, {seconds:.1f} s")
-    for column in ("topic", "type", "messages", "hz", "taken for"):
-        table.add_column(column)
-    for row in rows:
-        table.add_row(row["topic"], row["type"], str(row["messages"]), str(row["hz"] or ""), row["role"])
-    console = Console()
-    console.print(table)
-    if missing:
-        console.print(f"cannot be replayed: {missing}")
-
-
-def _roles(reader: BagReader) -> tuple[dict[str, str], str]:
-    """Topic to role, and what is missing for a replay."""
-    from radcam_depth_ros.bags import BagError
-    from radcam_depth_ros.bags.topics import find_topics
-
-    try:
-        found = find_topics(reader.topics)
-    except BagError as error:
-        return {}, str(error)
-    roles: dict[Any, str] = {
-        found.image: "camera",
-        found.camera_info: "camera_info",
-        found.lidar: "ground truth (LiDAR)",
-        found.depth: "ground truth (depth)",
-        found.classes: "classes",
-        found.odometry: "odometry",
-        found.tf_static: "transforms",
-    }
-    roles.update(dict.fromkeys(found.radars, "radar"))
-    roles.pop(None, None)
-    return roles, ""
+    if report.suggestion is None:
+        raise RadcamDepthError(f"{params} is not written, since no parameters fit {bag}: {report.missing}")
+    inspection.write_parameters(params, report.suggestion, bag.name)
+    Console(stderr=True).print(
+        f"parameters: {params}; start the node with --ros-args --params-file {params}", markup=False, soft_wrap=True
+    )

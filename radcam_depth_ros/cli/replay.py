@@ -31,6 +31,9 @@ def replay(
     precision: PrecisionOption = "auto",
     image: ImageOption = None,
     radar: RadarOption = None,
+    radar_sweeps: Annotated[
+        int, typer.Option(help="Sweeps of each radar for an image, moved by the bag's odometry where they are several.")
+    ] = 1,
     encoding: Annotated[str, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).")] = "32FC1",
     passthrough: Annotated[bool, typer.Option("--passthrough", help="Copy the input's messages as well.")] = False,
     preview: Annotated[bool, typer.Option("--preview", help="Write depth in colours as well.")] = False,
@@ -44,8 +47,11 @@ def replay(
     """
     from radcam_depth_ros import replay as replaying
     from radcam_depth_ros.drive import DriveSettings
+    from radcam_depth_ros.pairing import PairingConfig
 
-    settings = DriveSettings(image=image, radars=tuple(radar) if radar else None)
+    settings = DriveSettings(
+        image=image, radars=tuple(radar) if radar else None, pairing=PairingConfig(radar_sweeps=radar_sweeps)
+    )
     options = replaying.ReplayOptions(
         depth_encoding=encoding,
         passthrough=passthrough,

@@ -4,7 +4,7 @@ Frames come from the same decode and pair as in the live node. Ground truth is t
 LiDAR scan nearest to the image, or many scans before and after it, moved to its time.
 """
 
-from radcam_depth_ros.drive.reading import prime, read_samples
+from radcam_depth_ros.drive.reading import motion_topics, prime, read_samples, unmoved
 from radcam_depth_ros.drive.sample import Sample
 from radcam_depth_ros.drive.settings import (
     ACCUMULATIONS,
@@ -23,6 +23,8 @@ __all__ = [
     "DriveSettings",
     "DriveWarning",
     "Sample",
+    "motion_topics",
     "prime",
     "read_samples",
+    "unmoved",
 ]

@@ -14,12 +14,12 @@ import numpy as np
 
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.bags.topics import SensorTopics
-from radcam_depth_ros.drive.motion import Motion
 from radcam_depth_ros.drive.range_view import Tolerance, Verdict
 from radcam_depth_ros.drive.scans import Scan, ScanWindow
 from radcam_depth_ros.drive.settings import AccumulationConfig, DriveError
 from radcam_depth_ros.frame import CameraModel, FloatArray, Frame
 from radcam_depth_ros.geometry import RigidTransform, TransformTree, depth_image
+from radcam_depth_ros.motion import Motion
 
 _OCCLUSION_FOCAL_LENGTH_PX = 630.0
 _NEAREST_M = 0.5
@@ -91,7 +91,12 @@ class Accumulator:
                     "it does not say how the vehicle moved; record odometry (nav_msgs/Odometry), or the link from "
                     "odom to the vehicle on /tf"
                 )
-            self._motion = Motion(self._topics, self._transforms, camera_frame)
+            self._motion = Motion(
+                topic,
+                is_odometry=self._topics.odometry is not None,
+                transforms=self._transforms,
+                anchor=camera_frame,
+            )
             messages = self._reader.messages([lidar, topic])
             self._window = ScanWindow(messages, lidar, self._motion, self._transforms, self._config)
         return self._motion, self._window

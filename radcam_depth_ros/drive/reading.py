@@ -15,8 +15,9 @@ from radcam_depth_ros.drive.sample import Sample
 from radcam_depth_ros.drive.settings import DriveError, DriveSettings, DriveWarning
 from radcam_depth_ros.drive.truth import GroundTruth
 from radcam_depth_ros.frame import Frame
-from radcam_depth_ros.intake import Intake
+from radcam_depth_ros.intake import Intake, IntakeConfig
 from radcam_depth_ros.messages import stamp_ns
+from radcam_depth_ros.pairing import for_each_radar
 
 _UNMATCHED_SHARE = 0.9
 _JUDGED_FRAMES = 10
@@ -36,6 +37,20 @@ def prime(reader: BagReader, intake: Intake, topics: SensorTopics) -> None:
     for message in reader.messages([topics.camera_info]):
         intake.accept(message.topic, message.message, message.log_time_ns)
         break
+
+
+def motion_topics(topics: SensorTopics, config: IntakeConfig) -> dict[str, str]:
+    """The topic of a bag that tells how the vehicle moves, by what an intake calls it; none where it does not ask."""
+    if not config.moves_radar:
+        return {}
+    if config.odometry:
+        return {config.odometry: config.odometry}
+    return {topics.tf: "/tf"} if topics.tf else {}
+
+
+def unmoved(intake: Intake, frames: int) -> str:
+    """A sentence on the frames whose radar returns could not be moved to their images' time."""
+    return f"in {intake.unmoved_frames} of {frames} frames {intake.last_motion_problem}"
 
 
 def read_samples(
@@ -60,25 +75,29 @@ def read_samples(
     tell = tell or warn
     with BagReader(path) as reader, BagReader(path) as ahead:
         topics = settings.topics(reader)
-        intake = Intake(settings.intake(topics))
+        config = settings.intake(topics)
+        intake, moving = Intake(config), motion_topics(topics, config)
         prime(reader, intake, topics)
         accumulator = Accumulator(ahead, topics, intake.transforms, settings.accumulation)
         truth = GroundTruth(topics, settings, intake.transforms, accumulator, tell)
         fit = _Fit(topics, settings, intake, truth)
         waiting: deque[Frame] = deque()
-        wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics}
+        wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics, *moving}
         for message in reader.messages(wanted):
             now_ns = message.log_time_ns
             truth.accept(message.topic, message.message)
             waiting.extend(intake.expire(now_ns))
-            waiting.extend(intake.accept(message.topic, message.message, now_ns))
-            fit.note(message.topic, stamp_ns(message.message.header), now_ns)
+            waiting.extend(intake.accept(moving.get(message.topic, message.topic), message.message, now_ns))
+            if message.topic not in moving:
+                fit.note(message.topic, stamp_ns(message.message.header), now_ns)
             while waiting and truth.is_complete(waiting[0], now_ns):
                 yield fit.counted(truth.sample(waiting.popleft()))
         waiting.extend(intake.flush())
         for frame in waiting:
             yield fit.counted(truth.sample(frame))
         fit.judge(tell)
+        if intake.unmoved_frames:
+            tell(unmoved(intake, fit.frames))
 
 
 class _Fit:
@@ -88,42 +107,46 @@ class _Fit:
         self._clocks = Clocks(topics.image)
         self._topics, self._settings = topics, settings
         self._intake, self._truth = intake, truth
-        self._frames = self._blind = 0
+        offsets_s = for_each_radar("radar_time_offset_s", settings.pairing.radar_time_offset_s, len(topics.radars))
+        self._radar_offsets_ns = {
+            topic: round(offset_s * 1e9) for topic, offset_s in zip(topics.radars, offsets_s, strict=True)
+        }
+        self.frames = self._blind = 0
 
     def note(self, topic: str, time_ns: int, now_ns: int) -> None:
         """Takes note of a message's times."""
         if topic in self._topics.radars:
-            time_ns += round(self._settings.pairing.radar_time_offset_s * 1e9)
+            time_ns += self._radar_offsets_ns[topic]
         self._clocks.add(topic, time_ns, now_ns)
 
     def counted(self, sample: Sample) -> Sample:
         """Takes note of a sample."""
-        self._frames += 1
+        self.frames += 1
         self._blind += sample.source == "none"
-        if self._frames == _EARLY_FRAMES:
+        if self.frames == _EARLY_FRAMES:
             self._check_clocks()
         return sample
 
     def judge(self, tell: Callable[[str], None]) -> None:
         """At a bag's end: refuses one whose radars or ground truth fit hardly any image."""
         self._check_clocks()
-        if self._frames < _JUDGED_FRAMES:
+        if self.frames < _JUDGED_FRAMES:
             return
         limit_s = self._settings.pairing.max_time_offset_s
         counts = self._intake.counts
-        if counts.radars and counts.unmatched >= _UNMATCHED_SHARE * self._frames:
+        if counts.radars and counts.unmatched >= _UNMATCHED_SHARE * self.frames:
             reason = self._clocks.reason(counts.radars[0].name, limit_s)
-            raise DriveError(f"{counts.unmatched} of {self._frames} images have no radar sweep: {reason}")
+            raise DriveError(f"{counts.unmatched} of {self.frames} images have no radar sweep: {reason}")
         for radar in counts.radars:
-            if radar.unmatched >= _UNMATCHED_SHARE * self._frames:
+            if radar.unmatched >= _UNMATCHED_SHARE * self.frames:
                 reason = self._clocks.reason(radar.name, limit_s)
-                tell(f"{radar.unmatched} of {self._frames} images have no sweep of {radar.name}: {reason}")
+                tell(f"{radar.unmatched} of {self.frames} images have no sweep of {radar.name}: {reason}")
         topic = self._truth.depth_topic
-        if topic is not None and self._blind >= _UNMATCHED_SHARE * self._frames:
+        if topic is not None and self._blind >= _UNMATCHED_SHARE * self.frames:
             exact = topic == self._topics.depth
             reason = self._clocks.reason(topic, 0.0 if exact else self._settings.max_lidar_offset_s)
-            sentence = f"{self._blind} of {self._frames} images have no ground truth: {reason}"
-            if self._blind == self._frames:
+            sentence = f"{self._blind} of {self.frames} images have no ground truth: {reason}"
+            if self._blind == self.frames:
                 raise DriveError(sentence)
             tell(sentence)
 

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.bags.reader import BagMessage
-from radcam_depth_ros.drive.motion import Motion
 from radcam_depth_ros.drive.range_view import RangeView, Tolerance, Verdict
 from radcam_depth_ros.drive.settings import AccumulationConfig
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import RigidTransform, TransformTree
 from radcam_depth_ros.messages import PointsReading, decode_points
+from radcam_depth_ros.motion import Motion
 
 _SECOND = 1_000_000_000
 _JUMP_NS = _SECOND

@@ -63,7 +63,8 @@ class DriveSettings:
         lidar: Topic of the LiDAR.
         depth: Topic of the exact depth images.
         classes: Topic of the class images.
-        odometry: Topic of the vehicle's motion, for accumulating scans; `/tf` serves where there is none.
+        odometry: Topic of the vehicle's motion, for accumulating scans and moving radar returns; `/tf` serves where
+            there is none.
         ground_truth: `exact` depth images, `lidar`, `both` (exact, and the nearest scan besides), `any` (exact where
             there is, else LiDAR), or `none`.
         accumulate: Whether LiDAR depth is that of many scans, with the nearest one besides: `never`, `where_possible`
@@ -75,6 +76,10 @@ class DriveSettings:
         camera_height_m: As in IntakeConfig.
         camera_pitch_deg: As in IntakeConfig.
         camera_roll_deg: As in IntakeConfig.
+        radar_frame: As in IntakeConfig.
+        radar_fields: As in IntakeConfig.
+        radar_motion_compensation: As in IntakeConfig.
+        odom_frame: As in IntakeConfig.
         pairing: How images find their radar sweeps.
     """
 
@@ -94,6 +99,10 @@ class DriveSettings:
     camera_height_m: float = 0.0
     camera_pitch_deg: float = 0.0
     camera_roll_deg: float = 0.0
+    radar_frame: str | tuple[str, ...] = ""
+    radar_fields: str | tuple[str, ...] = ""
+    radar_motion_compensation: bool = False
+    odom_frame: str = "odom"
     pairing: PairingConfig = field(default_factory=PairingConfig)
 
     def __post_init__(self) -> None:
@@ -127,5 +136,10 @@ class DriveSettings:
             camera_height_m=self.camera_height_m,
             camera_pitch_deg=self.camera_pitch_deg,
             camera_roll_deg=self.camera_roll_deg,
+            radar_frame=self.radar_frame,
+            radar_fields=self.radar_fields,
+            radar_motion_compensation=self.radar_motion_compensation,
+            odometry=topics.odometry or "",
+            odom_frame=self.odom_frame,
             pairing=self.pairing,
         )

@@ -27,7 +27,14 @@ from radcam_depth_ros.messages.images import (
     decode_depth,
     decode_image,
 )
-from radcam_depth_ros.messages.radar import DEFAULT_ALIASES, FieldAliases, RadarReading, decode_radar
+from radcam_depth_ros.messages.radar import (
+    DEFAULT_ALIASES,
+    FieldAliases,
+    RadarFields,
+    RadarReading,
+    decode_radar,
+    radar_fields,
+)
 from radcam_depth_ros.messages.transforms import (
     OdometryReading,
     StampedTransform,
@@ -50,6 +57,7 @@ __all__ = [
     "MessageFactory",
     "OdometryReading",
     "PointsReading",
+    "RadarFields",
     "RadarReading",
     "StampedTransform",
     "colorise",
@@ -70,5 +78,6 @@ __all__ = [
     "encode_points",
     "encode_preview",
     "encode_transforms",
+    "radar_fields",
     "stamp_ns",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import difflib
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +57,8 @@ class FieldAliases:
         "power",
         "snr",
         "snr_db",
+        "mag",
+        "magnitude",
     )
     radial_speed: tuple[str, ...] = (
         "radial_speed",
@@ -74,6 +78,28 @@ class FieldAliases:
     compensated_x: tuple[str, ...] = ("vx_comp", "vx_compensated")
     compensated_y: tuple[str, ...] = ("vy_comp", "vy_compensated")
 
+    @classmethod
+    def parse(cls, text: str) -> FieldAliases:
+        """The known names, but for quantities that a text names.
+
+        Args:
+            text: `QUANTITY=FIELD` for each, with blanks between; of several names, with commas between, the first that
+                a cloud has is taken. `QUANTITY=` ignores that quantity. Such as `rcs=power radial_speed=v_d,v_r`.
+
+        Raises:
+            MessageError: for something else, or a quantity that there is not.
+        """
+        known = [entry.name for entry in dataclasses.fields(cls)]
+        named: dict[str, tuple[str, ...]] = {}
+        for word in text.split():
+            quantity, equals, names = word.partition("=")
+            if not equals or quantity not in known:
+                near = difflib.get_close_matches(quantity, known, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"quantities are {', '.join(known)}"
+                raise MessageError(f"expected the radar's fields as quantity=field, got {word!r}; {hint}")
+            named[quantity] = tuple(name for name in names.split(",") if name)
+        return cls(**named)
+
 
 DEFAULT_ALIASES = FieldAliases()
 """Names of the drivers that are known."""
@@ -88,12 +114,45 @@ class RadarReading:
         frame_id: The radar's frame; empty where the driver gives none.
         returns: In the radar's frame; their age is not known yet (NaN).
         dropped: Number of returns left out since their position was NaN or infinite.
+        is_over_ground: The radial speeds are over ground, and not relative to the sensor.
     """
 
     stamp_ns: int
     frame_id: str
     returns: RadarReturns
     dropped: int
+    is_over_ground: bool = False
+
+
+@dataclass(frozen=True)
+class RadarFields:
+    """Which fields of a radar's clouds are read, by their names as published.
+
+    Attributes:
+        position: x y z, or range, azimuth and elevation; the third is left out where there is none.
+        rcs: The radar cross section; empty where there is none.
+        radial_speed: The Doppler speed, or the parts of a velocity that it is computed of; empty where there is none.
+    """
+
+    position: tuple[str, ...]
+    rcs: str
+    radial_speed: tuple[str, ...]
+
+
+def radar_fields(message: Any, aliases: FieldAliases = DEFAULT_ALIASES) -> RadarFields:
+    """Tells which fields `decode_radar` reads of a sensor_msgs/PointCloud2.
+
+    Raises:
+        MessageError: when there is neither x y nor range and azimuth, or for a field of an unknown datatype.
+    """
+    cloud = Cloud(message)
+    _, position = _position_fields(cloud, aliases)
+    rcs = cloud.find(aliases.rcs)
+    return RadarFields(
+        tuple(field.name for field in position if field is not None),
+        rcs.name if rcs is not None else "",
+        tuple(field.name for field in _speed_fields(cloud, aliases)[0] if field is not None),
+    )
 
 
 def decode_radar(message: Any, aliases: FieldAliases = DEFAULT_ALIASES) -> RadarReading:
@@ -106,40 +165,61 @@ def decode_radar(message: Any, aliases: FieldAliases = DEFAULT_ALIASES) -> Radar
         aliases: Names of its fields.
 
     Raises:
-        MessageError: when there is neither x y nor range and azimuth, when angles can't be radians, or when sizes,
-            steps and data don't agree.
+        MessageError: when there is neither x y nor range and azimuth, when a field is missing that is not one of the
+            known names, when angles can't be radians, or when sizes, steps and data don't agree.
     """
     cloud = Cloud(message)
     stamp, frame_id = stamp_ns(message.header), str(message.header.frame_id)
     if not cloud.count:
         return RadarReading(stamp, frame_id, RadarReturns.empty(), 0)
+    _require_named(cloud, aliases)
     xyz = _positions(cloud, aliases)
     finite = np.isfinite(xyz).all(axis=1)
+    speeds, is_over_ground = _radial_speeds(cloud, aliases, xyz)
     returns = RadarReturns(
         xyz[finite],
         _finite_or_nan(_cross_sections(cloud, aliases))[finite],
-        _finite_or_nan(_radial_speeds(cloud, aliases, xyz))[finite],
+        _finite_or_nan(speeds)[finite],
         np.full(int(finite.sum()), np.nan, np.float32),
     )
-    return RadarReading(stamp, frame_id, returns, cloud.count - len(returns))
+    return RadarReading(stamp, frame_id, returns, cloud.count - len(returns), is_over_ground)
 
 
-def _positions(cloud: Cloud, aliases: FieldAliases) -> FloatArray:
-    x, y, z = cloud.find(aliases.x), cloud.find(aliases.y), cloud.find(aliases.z)
+def _require_named(cloud: Cloud, aliases: FieldAliases) -> None:
+    """Refuses a cloud without a field that somebody named: without it a quantity would be missing in silence."""
+    for entry in dataclasses.fields(aliases) if aliases != DEFAULT_ALIASES else ():
+        names = getattr(aliases, entry.name)
+        if names and names != getattr(DEFAULT_ALIASES, entry.name) and cloud.find(names) is None:
+            raise MessageError(
+                f"expected a radar cloud with the field {' or '.join(names)} for {entry.name}, as the field aliases "
+                f"name it, got {cloud.field_names}; name one of these"
+            )
+
+
+def _position_fields(cloud: Cloud, aliases: FieldAliases) -> tuple[bool, tuple[CloudField | None, ...]]:
+    """Whether positions are polar, and their three fields, of which the last may be missing."""
+    x, y = cloud.find(aliases.x), cloud.find(aliases.y)
     if x is not None and y is not None:
-        return _columns(cloud, x, y, z)
+        return False, (x, y, cloud.find(aliases.z))
     distance, azimuth = cloud.find(aliases.range), cloud.find(aliases.azimuth)
     if distance is None or azimuth is None:
         raise MessageError(
             f"expected a radar cloud with fields x y z, or dist_x dist_y, or range and azimuth, got "
             f"{cloud.field_names}; choose the radar's point topic, or name its fields in the field aliases"
         )
-    elevation = cloud.find(aliases.elevation)
-    polar = _columns(cloud, distance, azimuth, elevation)
+    return True, (distance, azimuth, cloud.find(aliases.elevation))
+
+
+def _positions(cloud: Cloud, aliases: FieldAliases) -> FloatArray:
+    is_polar, fields = _position_fields(cloud, aliases)
+    polar = _columns(cloud, *fields)
+    if not is_polar:
+        return polar
     largest = float(np.max(np.abs(polar[:, 1:]), initial=0.0, where=np.isfinite(polar[:, 1:])))
     if largest > 2 * np.pi:
+        name = fields[1].name if fields[1] is not None else ""
         raise MessageError(
-            f"expected radar angles in radians in the field {azimuth.name!r}, got {largest:.1f}; make the driver "
+            f"expected radar angles in radians in the field {name!r}, got {largest:.1f}; make the driver "
             "publish radians or x y z"
         )
     with np.errstate(invalid="ignore", over="ignore"):
@@ -157,20 +237,34 @@ def _columns(cloud: Cloud, *fields: CloudField | None) -> FloatArray:
     return columns
 
 
-def _radial_speeds(cloud: Cloud, aliases: FieldAliases, xyz: FloatArray) -> FloatArray:
+def _speed_fields(cloud: Cloud, aliases: FieldAliases) -> tuple[tuple[CloudField | None, ...], bool]:
+    """The Doppler field alone, or the three parts of a velocity, of which the last may be missing; else empty.
+
+    And whether they are over ground.
+    """
     doppler = cloud.find(aliases.radial_speed)
     if doppler is not None:
-        return cloud.floats(doppler)
+        return (doppler,), False
     # The relative velocity is what the sensor measured along the line of sight; compensation needs an ego motion and
     # is there only where nothing else is.
     velocity = (cloud.find(aliases.velocity_x), cloud.find(aliases.velocity_y), cloud.find(aliases.velocity_z))
-    if velocity[0] is None or velocity[1] is None:
+    is_over_ground = velocity[0] is None or velocity[1] is None
+    if is_over_ground:
         velocity = (cloud.find(aliases.compensated_x), cloud.find(aliases.compensated_y), None)
-    if velocity[0] is None or velocity[1] is None:
-        return np.full(cloud.count, np.nan, np.float32)
+    return ((), False) if velocity[0] is None or velocity[1] is None else (velocity, is_over_ground)
+
+
+def _radial_speeds(cloud: Cloud, aliases: FieldAliases, xyz: FloatArray) -> tuple[FloatArray, bool]:
+    """The speeds, and whether they are over ground."""
+    fields, is_over_ground = _speed_fields(cloud, aliases)
+    if not fields:
+        return np.full(cloud.count, np.nan, np.float32), False
+    columns = _columns(cloud, *fields)
+    if len(fields) == 1:
+        return columns[:, 0], is_over_ground
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        along: FloatArray = (_columns(cloud, *velocity) * xyz).sum(axis=1) / np.linalg.norm(xyz, axis=1)
-    return along
+        along: FloatArray = (columns * xyz).sum(axis=1) / np.linalg.norm(xyz, axis=1)
+    return along, is_over_ground
 
 
 def _cross_sections(cloud: Cloud, aliases: FieldAliases) -> FloatArray:

@@ -248,6 +248,7 @@ def _with_full_names(config: NodeConfig, inputs: Inputs) -> NodeConfig:
         image=inputs.camera.topic,
         camera_info=inputs.camera_info.topic,
         radars=tuple(radar.topic for radar in inputs.radars),
+        odometry=inputs.odometry.topic if inputs.odometry else config.pipeline.odometry,
     )
     return replace(config, pipeline=pipeline)
 

@@ -86,6 +86,7 @@ class Diagnostics:
         return (
             self._sensor(session, session.inputs.camera, Level.ERROR, now_ns),
             *(self._sensor(session, radar, Level.WARN, now_ns) for radar in session.inputs.radars),
+            *((self._sensor(session, odometry, Level.WARN, now_ns),) if (odometry := session.inputs.odometry) else ()),
             self._calibration(session),
             self._pairing(session),
             self._inference(session, now_ns),
@@ -173,9 +174,14 @@ class Diagnostics:
             ("backward jumps", str(counts.resets)),
             *((f"{radar.name}: paired", str(radar.paired)) for radar in counts.radars),
             *((f"{radar.name}: late sweeps", str(radar.late)) for radar in counts.radars),
-            *self._problems.history("pairing", "view"),
+            *(
+                (("frames without motion", str(session.pipeline.unmoved_frames)),)
+                if session.pipeline.config.moves_radar
+                else ()
+            ),
+            *self._problems.history("pairing", "view", "motion"),
         )
-        problem = self._problems.tell("pairing", "view")
+        problem = self._problems.tell("pairing", "view", "motion")
         if problem:
             return Status("pairing", *problem, values)
         images = counts.images - (before.images if before else 0)

@@ -19,6 +19,7 @@ from radcam_depth_ros.node.factory import message_class
 from radcam_depth_ros.parameters import NodeConfig, ParameterError
 
 TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
+ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 """Policies that `qos_overrides.<topic>.subscription.*` parameters change."""
 
@@ -60,15 +61,18 @@ class Inputs:
         camera_info: The camera's calibration.
         radars: The radars' clouds, in the order of the parameter.
         transforms: `/tf_static` and `/tf`; empty where tf2_msgs is not installed.
+        odometry: How the vehicle moves; None where it is not needed, or /tf tells.
     """
 
     camera: Input
     camera_info: Input
     radars: tuple[Input, ...]
     transforms: tuple[Input, ...]
+    odometry: Input | None = None
 
     def __iter__(self) -> Any:
-        return iter((self.camera, self.camera_info, *self.radars, *self.transforms))
+        moving = () if self.odometry is None else (self.odometry,)
+        return iter((self.camera, self.camera_info, *self.radars, *self.transforms, *moving))
 
 
 def find_inputs(node: Node, config: NodeConfig) -> Inputs:
@@ -95,6 +99,9 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
         )
         if has_transform_messages()
         else (),
+        odometry=Input("odometry", _full_name(node, config.pipeline.odometry), ODOMETRY_TYPE, 50)
+        if config.pipeline.moves_radar and config.pipeline.odometry
+        else None,
     )
 
 

@@ -68,6 +68,7 @@ class Session:
         self.latency, self.processing = Durations(), Durations()
         """From an image's arrival to its depth being published; and the network's and encoder's part of it."""
         self.busy_since_ns: int | None = None
+        self._is_motion_told = False
         self._is_closed = False
         self._worker: Worker[Ticket] = Worker(self._work, "radcam_depth")
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -150,6 +151,7 @@ class Session:
     def _hand_over(self, frames: tuple[Frame, ...]) -> None:
         if frames:
             self._problems.settle("frame")
+            self._judge_motion()
         for frame in frames:
             self.frames_in += 1
             arrived_ns = self._image_arrivals.pop(frame.stamp_ns, time.monotonic_ns())
@@ -193,6 +195,15 @@ class Session:
             )
         elif returns:
             self._problems.settle("view")
+
+    def _judge_motion(self) -> None:
+        """Where returns cannot be moved to the image's time: depth comes all the same, so the log has it once."""
+        problem = self.pipeline.motion_problem
+        if problem:
+            self._problems.report("motion", Level.WARN, problem, quietly=self._is_motion_told)
+            self._is_motion_told = True
+        else:
+            self._problems.settle("motion")
 
     def _on_unusable_image(self, error: Exception) -> None:
         # Where camera_info itself is the problem, that it is missing is no news.

@@ -1,6 +1,25 @@
 """Pairing: each image with its nearest radar sweeps."""
 
 from radcam_depth_ros.pairing.pairer import Pairer
-from radcam_depth_ros.pairing.values import Pair, PairingConfig, PairingCounts, PairingError, RadarCounts
+from radcam_depth_ros.pairing.values import (
+    MAX_SWEEPS,
+    EarlierSweep,
+    Pair,
+    PairingConfig,
+    PairingCounts,
+    PairingError,
+    RadarCounts,
+    for_each_radar,
+)
 
-__all__ = ["Pair", "Pairer", "PairingConfig", "PairingCounts", "PairingError", "RadarCounts"]
+__all__ = [
+    "MAX_SWEEPS",
+    "EarlierSweep",
+    "Pair",
+    "Pairer",
+    "PairingConfig",
+    "PairingCounts",
+    "PairingError",
+    "RadarCounts",
+    "for_each_radar",
+]

@@ -10,6 +10,7 @@ from typing import Generic
 from radcam_depth_ros.pairing.sweeps import Sweeps
 from radcam_depth_ros.pairing.timeline import Timeline
 from radcam_depth_ros.pairing.values import (
+    EarlierSweep,
     ImageT,
     Pair,
     PairingConfig,
@@ -17,6 +18,7 @@ from radcam_depth_ros.pairing.values import (
     PairingError,
     RadarCounts,
     SweepT,
+    for_each_radar,
 )
 
 _SECOND = 1_000_000_000
@@ -57,12 +59,15 @@ class Pairer(Generic[ImageT, SweepT]):
     All `now_ns` are arrival times on one clock that never runs backwards, in nanoseconds; it need not be the clock of
     the stamps. Memory is bounded.
 
+    Where several sweeps are wanted, those before the nearest come along: as they are there when the pair is released,
+    so an image does not wait for one that is late.
+
     Args:
         radars: A name for each radar; without any, images go straight through.
         config: The limits.
 
     Raises:
-        PairingError: for a radar that is named twice.
+        PairingError: for a radar that is named twice, or time offsets of another number of radars.
     """
 
     def __init__(self, radars: tuple[str, ...], config: PairingConfig = DEFAULTS) -> None:
@@ -70,9 +75,14 @@ class Pairer(Generic[ImageT, SweepT]):
             raise PairingError(f"each radar may be named once, got {', '.join(radars)}; remove the second one")
         self._radars = radars
         self._max_wait_ns = round(config.max_wait_s * _SECOND)
-        self._radar_offset_ns = round(config.radar_time_offset_s * _SECOND)
+        offsets_s = for_each_radar("radar_time_offset_s", config.radar_time_offset_s, len(radars))
+        self._radar_offsets_ns = tuple(round(offset_s * _SECOND) for offset_s in offsets_s)
         max_offset_ns = round(config.max_time_offset_s * _SECOND)
-        self._sweeps: tuple[Sweeps[SweepT], ...] = tuple(Sweeps(max_offset_ns, self._max_wait_ns) for _ in radars)
+        self._earlier_count = config.radar_sweeps - 1
+        max_age_ns = round(config.max_sweep_age_s * _SECOND) if self._earlier_count else 0
+        self._sweeps: tuple[Sweeps[SweepT], ...] = tuple(
+            Sweeps(max_offset_ns, self._max_wait_ns, max_age_ns) for _ in radars
+        )
         # What comes within the wait is at most that much behind; the rest is room for streams that keep it less well.
         self._timeline = Timeline(1 + len(radars), max(self._max_wait_ns + max_offset_ns, _MIN_JUMP_NS))
         self._waiting: list[_Waiting[ImageT]] = []  # by time
@@ -98,6 +108,11 @@ class Pairer(Generic[ImageT, SweepT]):
                 for name, count in zip(self._radars, self._of_radar, strict=True)
             ),
         )
+
+    @property
+    def resets(self) -> int:
+        """How often stamps jumped backwards so far."""
+        return self._timeline.resets
 
     @property
     def deadline_ns(self) -> int | None:
@@ -131,7 +146,7 @@ class Pairer(Generic[ImageT, SweepT]):
         sweeps, count = self._sweeps[index], self._of_radar[index]
         now_ns = self._advance(now_ns)
         ready = self._release(expired_before_ns=now_ns)
-        time_ns = self._timeline.unwrap(1 + index, stamp_ns + self._radar_offset_ns, now_ns)
+        time_ns = self._timeline.unwrap(1 + index, stamp_ns + self._radar_offsets_ns[index], now_ns)
         if not sweeps.add(time_ns, sweep, now_ns):
             count["duplicates"] += 1
         elif any(sweeps.is_nearer(time_ns, item.time_ns, item.chosen_ns[index]) for item in self._released):
@@ -181,4 +196,16 @@ class Pairer(Generic[ImageT, SweepT]):
             waiting.image,
             tuple(None if item is None else item[1] for item in found),
             tuple(None if item is None else (item[0] - waiting.time_ns) / _SECOND for item in found),
+            tuple(
+                () if item is None else self._earlier(sweeps, item[0], waiting.time_ns)
+                for sweeps, item in zip(self._sweeps, found, strict=True)
+            )
+            if self._earlier_count
+            else (),
+        )
+
+    def _earlier(self, sweeps: Sweeps[SweepT], chosen_ns: int, image_ns: int) -> tuple[EarlierSweep[SweepT], ...]:
+        return tuple(
+            EarlierSweep(sweep, (time_ns - image_ns) / _SECOND)
+            for time_ns, sweep in sweeps.before(chosen_ns, image_ns, self._earlier_count)
         )

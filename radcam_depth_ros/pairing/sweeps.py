@@ -35,12 +35,14 @@ class Sweeps(Generic[SweepT]):
     Args:
         max_offset_ns: A sweep further away from an image than this is not its.
         max_wait_ns: A sweep comes no more than this after one that was taken later.
+        max_age_ns: An image may ask for sweeps that are older than it by this, see `before`.
     """
 
-    def __init__(self, max_offset_ns: int, max_wait_ns: int) -> None:
+    def __init__(self, max_offset_ns: int, max_wait_ns: int, max_age_ns: int = 0) -> None:
         self._max_offset_ns = max_offset_ns
         self._max_wait_ns = max_wait_ns
-        self._keep_ns = _SECOND + 2 * (max_wait_ns + max_offset_ns)
+        self._max_age_ns = max_age_ns
+        self._keep_ns = _SECOND + 2 * (max_wait_ns + max_offset_ns) + max_age_ns
         self._times_ns: list[int] = []  # ascending
         self._sweeps: list[SweepT] = []
         self._arrivals: deque[tuple[int, int]] = deque()  # when it came, and its time, in the order in which they came
@@ -81,6 +83,12 @@ class Sweeps(Generic[SweepT]):
         if index is None or abs(self._times_ns[index] - image_ns) > self._max_offset_ns:
             return None
         return self._times_ns[index], self._sweeps[index]
+
+    def before(self, chosen_ns: int, image_ns: int, count: int) -> tuple[tuple[int, SweepT], ...]:
+        """Time and sweep of those before the one that was chosen for an image, the newest first, `count` at most."""
+        end = bisect.bisect_left(self._times_ns, chosen_ns)
+        start = max(end - count, bisect.bisect_left(self._times_ns, image_ns - self._max_age_ns), 0)
+        return tuple((self._times_ns[index], self._sweeps[index]) for index in range(end - 1, start - 1, -1))
 
     def is_nearer(self, time_ns: int, image_ns: int, chosen_ns: int | None) -> bool:
         """Whether a sweep would be taken for an image instead of the one that was."""

@@ -10,6 +10,12 @@ from radcam_depth_ros.frame import RadcamDepthError
 
 ImageT = TypeVar("ImageT")
 SweepT = TypeVar("SweepT")
+ValueT = TypeVar("ValueT", str, float)
+
+
+MAX_SWEEPS = 10
+"""No image takes more sweeps of a radar."""
+_LONGEST_AGE_S = 10.0
 
 
 class PairingError(RadcamDepthError):
@@ -23,20 +29,64 @@ class PairingConfig:
     Attributes:
         max_time_offset_s: A sweep further away from the image than this, in seconds, is not taken.
         max_wait_s: So long, in seconds, an image waits at most for a nearer sweep.
-        radar_time_offset_s: Added to the stamps of all radars, in seconds; negative where they are stamped too late.
+        radar_time_offset_s: Added to the radars' stamps, in seconds, one number for all of them or one for each;
+            negative where they are stamped too late.
+        radar_sweeps: An image takes so many sweeps of each radar at most: the nearest and those before it.
+        max_sweep_age_s: With several sweeps: none of those is older than this, in seconds.
     """
 
     max_time_offset_s: float = 0.1
     max_wait_s: float = 0.1
-    radar_time_offset_s: float = 0.0
+    radar_time_offset_s: float | tuple[float, ...] = 0.0
+    radar_sweeps: int = 1
+    max_sweep_age_s: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("max_time_offset_s", "max_wait_s"):
+        if not 1 <= self.radar_sweeps <= MAX_SWEEPS:
+            raise PairingError(f"radar_sweeps must be 1 to {MAX_SWEEPS}, got {self.radar_sweeps}")
+        for name in ("max_time_offset_s", "max_wait_s", "max_sweep_age_s"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise PairingError(f"{name} must be 0 or a positive number of seconds, got {value}")
-        if not math.isfinite(self.radar_time_offset_s):
-            raise PairingError(f"radar_time_offset_s must be a number of seconds, got {self.radar_time_offset_s}")
+        if self.max_sweep_age_s > _LONGEST_AGE_S:
+            raise PairingError(f"max_sweep_age_s must be {_LONGEST_AGE_S:g} at most, got {self.max_sweep_age_s}")
+        given = self.radar_time_offset_s
+        if not all(math.isfinite(value) for value in (given if isinstance(given, tuple) else (given,))):
+            raise PairingError(f"radar_time_offset_s must be a number of seconds, got {given}")
+
+
+def for_each_radar(name: str, given: ValueT | tuple[ValueT, ...], radars: int) -> tuple[ValueT, ...]:
+    """What is given once for all radars, or in a list for each, as one value a radar.
+
+    Args:
+        name: The setting's, for the error.
+        given: A value, or a tuple of one or of as many as there are radars.
+        radars: How many there are.
+
+    Raises:
+        PairingError: for another number of values.
+    """
+    values = given if isinstance(given, tuple) else (given,)
+    if len(values) == 1 or not radars:
+        return values[:1] * radars
+    if len(values) != radars:
+        raise PairingError(
+            f"{name} needs one value for all radars or one for each of {radars}, got {len(values)}: {list(values)}"
+        )
+    return values
+
+
+@dataclass(frozen=True)
+class EarlierSweep(Generic[SweepT]):
+    """A sweep before the nearest one.
+
+    Attributes:
+        sweep: As given to `Pairer.add_sweep`.
+        offset_s: Its stamp, with `radar_time_offset_s`, minus the image's, in seconds.
+    """
+
+    sweep: SweepT
+    offset_s: float
 
 
 @dataclass(frozen=True)
@@ -48,12 +98,14 @@ class Pair(Generic[ImageT, SweepT]):
         image: As given to `Pairer.add_image`.
         sweeps: Of each radar, in the order of the pairer's radars; None where it had none near enough.
         offsets_s: The sweep's stamp, with `radar_time_offset_s`, minus the image's, in seconds; None like the sweep.
+        earlier: Of each radar the sweeps before that one, the newest first; empty where one sweep alone is wanted.
     """
 
     stamp_ns: int
     image: ImageT
     sweeps: tuple[SweepT | None, ...]
     offsets_s: tuple[float | None, ...]
+    earlier: tuple[tuple[EarlierSweep[SweepT], ...], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from rclpy.exceptions import ParameterUninitializedException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from radcam_depth_ros import configuration
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.parameters.assembly import build_config
 from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
 from radcam_depth_ros.parameters.spec import ParameterSpec
 from radcam_depth_ros.parameters.table import PARAMETERS
@@ -70,14 +70,9 @@ class Parameters:
 
     def _build(self, changes: dict[str, Any]) -> NodeConfig:
         """The config with some parameters changed."""
-        mapping: dict[str, Any] = {}
-        for spec in PARAMETERS:
-            *owners, name = spec.path.split(".")
-            owner = mapping
-            for step in owners:
-                owner = owner.setdefault(step, {})
-            owner[name] = spec.convert(changes[spec.name]) if spec.name in changes else self._value(spec)
-        return configuration.build(NodeConfig, mapping, "the parameters")
+        return build_config(
+            {spec.name: changes[spec.name] if spec.name in changes else self._value(spec) for spec in PARAMETERS}
+        )
 
     def _value(self, spec: ParameterSpec) -> Any:
         try:

@@ -43,16 +43,26 @@ class ParameterSpec:
 
     @property
     def type(self) -> Parameter.Type:
-        """The ROS type, of the field's type."""
+        """The ROS type, of the field's type; that of a single value where a list of them is allowed as well."""
+        return _TYPES[self._field_type()]
+
+    @property
+    def is_for_each_radar(self) -> bool:
+        """Whether it is one value for all radars or a list with one for each."""
+        return self._field_type() in _FOR_EACH_RADAR
+
+    def _field_type(self) -> Any:
         *owners, name = self.path.split(".")
         owner: Any = NodeConfig
         for step in owners:
             owner = typing.get_type_hints(owner)[step]
-        return _TYPES[typing.get_type_hints(owner)[name]]
+        return typing.get_type_hints(owner)[name]
 
     def descriptor(self) -> ParameterDescriptor:
         """Its description, range and choices for ROS tools."""
-        descriptor = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        descriptor = ParameterDescriptor(
+            description=self.description, read_only=self.read_only, dynamic_typing=self.is_for_each_radar
+        )
         if self.choices:
             descriptor.additional_constraints = f"one of {', '.join(self.choices)}"
         if self.minimum is None or self.maximum is None:
@@ -71,6 +81,12 @@ class ParameterSpec:
         Raises:
             ParameterError: for a value of another type, out of range, or not among the choices.
         """
+        if self.is_for_each_radar and isinstance(value, Iterable) and not isinstance(value, str):
+            # An empty list says nothing.
+            return tuple(self._convert_one(item) for item in value) or self.default
+        return self._convert_one(value)
+
+    def _convert_one(self, value: Any) -> Any:
         converted: Any = _CONVERSIONS[self.type](value)
         if converted is None:
             raise ParameterError(f"the parameter {self.name} must be {_WORDS[self.type]}, got {value!r}")
@@ -121,7 +137,10 @@ _TYPES: dict[Any, Parameter.Type] = {
     str: Parameter.Type.STRING,
     tuple[float, ...]: Parameter.Type.DOUBLE_ARRAY,
     tuple[str, ...]: Parameter.Type.STRING_ARRAY,
+    float | tuple[float, ...]: Parameter.Type.DOUBLE,
+    str | tuple[str, ...]: Parameter.Type.STRING,
 }
+_FOR_EACH_RADAR = (float | tuple[float, ...], str | tuple[str, ...])
 _CONVERSIONS = {
     Parameter.Type.BOOL: _flag,
     Parameter.Type.INTEGER: _integer,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from radcam_depth_ros.engine import PRECISIONS
 from radcam_depth_ros.estimator import OUTPUT_SIZES
 from radcam_depth_ros.messages import DEPTH_ENCODINGS
+from radcam_depth_ros.pairing import MAX_SWEEPS
 from radcam_depth_ros.parameters.config import IMAGE_TRANSPORTS
 from radcam_depth_ros.parameters.spec import ParameterSpec
 
@@ -30,7 +31,18 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         "The images are free of distortion already, as image_rect topics are.",
     ),
     ParameterSpec("camera_frame", "pipeline.camera_frame", "Frame of images whose frame_id is empty."),
-    ParameterSpec("radar_frame", "pipeline.radar_frame", "Frame of radar clouds whose frame_id is empty."),
+    ParameterSpec(
+        "radar_frame",
+        "pipeline.radar_frame",
+        "Frame of radar clouds whose frame_id is empty; one for all radars, or a list with one for each of "
+        "radar_topics.",
+    ),
+    ParameterSpec(
+        "radar_fields",
+        "pipeline.radar_fields",
+        "Names of the clouds' fields that are not known, as quantity=field with blanks between "
+        "(rcs=power radial_speed=v_d); one text for all radars, or a list with one for each of radar_topics.",
+    ),
     ParameterSpec(
         "camera_from_radar",
         "pipeline.camera_from_radar",
@@ -80,9 +92,40 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         "radar_time_offset_s",
         "pipeline.pairing.radar_time_offset_s",
-        "Added to the radars' stamps (s), where their clock differs from the camera's.",
+        "Added to the radars' stamps (s), where their clock differs from the camera's; one number for all radars, or a "
+        "list with one for each of radar_topics.",
         -10.0,
         10.0,
+    ),
+    ParameterSpec(
+        "radar_sweeps",
+        "pipeline.pairing.radar_sweeps",
+        "An image takes so many sweeps of each radar, the nearest and those before it, moved to the image's time by "
+        "the vehicle's motion and the Doppler of what moves.",
+        1,
+        MAX_SWEEPS,
+    ),
+    ParameterSpec(
+        "max_sweep_age_s",
+        "pipeline.pairing.max_sweep_age_s",
+        "With radar_sweeps: those before the nearest are no older than this (s).",
+        0.0,
+        10.0,
+    ),
+    ParameterSpec(
+        "radar_motion_compensation",
+        "pipeline.radar_motion_compensation",
+        "A single sweep is moved to the image's time as well.",
+    ),
+    ParameterSpec(
+        "odometry_topic",
+        "pipeline.odometry",
+        "Topic of nav_msgs/Odometry that says how the vehicle moves, where returns are moved; empty takes /tf.",
+    ),
+    ParameterSpec(
+        "odom_frame",
+        "pipeline.odom_frame",
+        "Without odometry_topic: the frame that stands still, in which /tf places the vehicle.",
     ),
     ParameterSpec(
         "depth_encoding",

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from radcam_depth_ros import cli, networks
@@ -32,7 +35,9 @@ def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> int:
 
 
 def test_all_verbs_are_there() -> None:
-    assert {"simulate", "replay", "evaluate", "train", "export", "networks", "inspect", "bench"} <= set(VERBS)
+    assert {"simulate", "replay", "evaluate", "train", "export", "networks", "inspect", "play", "view", "bench"} <= set(
+        VERBS
+    )
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -74,6 +79,74 @@ def test_inspect(tmp_path: Path, write_drive: Callable[..., Path]) -> None:
     assert "radar" in lacking["missing"]
 
 
+def test_inspect_writes_parameters_that_the_node_takes(
+    tmp_path: Path, write_drive: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "node.yaml"
+    assert run("inspect", write_drive(tmp_path / "drive.mcap"), "--params", target).exit_code == 0
+    parameters = yaml.safe_load(target.read_text(encoding="utf-8"))["/**"]["ros__parameters"]
+    assert parameters["radar_topics"] == ["/radar/points"]
+    blind = write_drive(tmp_path / "blind.mcap", without=("/camera/image_raw",))
+    assert run_main(monkeypatch, "inspect", blind, "--params", tmp_path / "no.yaml") == 2
+    assert not (tmp_path / "no.yaml").exists()
+
+
+def test_view_shows_what_a_network_gives_or_what_was_recorded(
+    tmp_path: Path, write_drive: Callable[..., Path], small_weights: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive, depth = write_drive(tmp_path / "drive.mcap", frames=3), tmp_path / "depth.mcap"
+    assert run("replay", drive, depth, "--model", small_weights).exit_code == 0
+    computed = run("view", drive, "--save", tmp_path / "a.png", "--model", small_weights, "--width", 480)
+    assert computed.exit_code == 0, computed.output
+    shown = run("view", drive, "--save", tmp_path / "b.png", "--depth", depth, "--width", 480)
+    assert shown.exit_code == 0, shown.output
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert run_main(monkeypatch, "view", drive, "--save", tmp_path / "c.png", "--depth", drive) == 2
+    both = ("--depth", depth, "--network", "baff")
+    assert run_main(monkeypatch, "view", drive, "--save", tmp_path / "c.png", *both) == 2
+    assert not (tmp_path / "c.png").exists()
+
+
+def test_play_names_what_it_leaves_out(tmp_path: Path, write_drive: Callable[..., Path]) -> None:
+    pytest.importorskip("rclpy")
+    drive = write_drive(tmp_path / "drive.mcap", frames=2)
+    result = run("play", drive, "--rate", "1000", "--delay", "0", "--clock")
+    assert result.exit_code == 0, result.output
+    if importlib.util.find_spec("tf2_msgs") is None:
+        assert result.stderr.count("/tf_static cannot be published") == 1
+
+
+def test_play_without_ros_is_one_sentence(
+    tmp_path: Path,
+    write_drive: Callable[..., Path],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("radcam_depth_ros.playing")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr("radcam_depth_ros.playing", raising=False)
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    assert run_main(monkeypatch, "play", write_drive(tmp_path / "drive.mcap")) == 2
+    assert "play needs ROS 2, and the package rclpy is not installed" in capsys.readouterr().err
+
+
+def test_play_ends_at_once_and_well_when_interrupted(tmp_path: Path, write_drive: Callable[..., Path]) -> None:
+    pytest.importorskip("rclpy")
+    drive = write_drive(tmp_path / "drive.mcap", without=("/tf_static",))
+    command = [sys.executable, "-m", "radcam_depth_ros.cli", "play", str(drive), "--loop", "--delay", "0"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(command, env=environment, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("playing 4 topics")
+    process.send_signal(signal.SIGINT)
+    try:
+        _, told = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, told
+    assert "Traceback" not in told
+
+
 def test_replay_and_export(tmp_path: Path, write_drive: Callable[..., Path], small_weights: Path) -> None:
     drive = write_drive(tmp_path / "drive.mcap", frames=2)
     exported = tmp_path / "baff.pt"
@@ -95,7 +168,7 @@ def test_networks() -> None:
     assert "baff" in run("networks").output
 
 
-@pytest.mark.parametrize("verb", ["replay", "inspect", "evaluate"])
+@pytest.mark.parametrize("verb", ["replay", "inspect", "evaluate", "play", "view"])
 @pytest.mark.parametrize("kind", ["missing", "truncated", "empty"])
 def test_a_bag_that_cannot_be_read_is_exit_code_2_and_one_sentence(
     tmp_path: Path,
@@ -113,7 +186,9 @@ def test_a_bag_that_cannot_be_read_is_exit_code_2_and_one_sentence(
     arguments: list[Any] = [verb, bag]
     if verb == "replay":
         arguments += [tmp_path / "out.mcap"]
-    if verb != "inspect":
+    if verb == "view":
+        arguments += ["--save", tmp_path / "out.mp4"]
+    if verb not in ("inspect", "play"):
         arguments += ["--model", small_weights]
     assert run_main(monkeypatch, *arguments) == 2
     told = capsys.readouterr().err.strip().splitlines()

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 from small_drive import CAMERA, PERIOD_NS, START_NS
 
-from demo.measure import CAMERA_INFO, CONFIDENCE, DEPTH, SEMI_DENSE, RecordedDepth, Traffic, measure, write_page
+from demo.measure import CAMERA_INFO, CONFIDENCE, DEPTH, SEMI_DENSE, Traffic, measure, write_page
 from demo.plan import plan_drive
-from radcam_depth_ros.bags import BagReader, BagWriter, factory
-from radcam_depth_ros.drive import read_samples
+from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.messages import encode_camera_info, encode_confidence, encode_depth
 
 
@@ -26,17 +25,6 @@ def write_recording(path: Path, depths_m: dict[int, float]) -> Path:
             writer.write(CAMERA_INFO, encode_camera_info(factory, CAMERA, *where), stamp_ns)
             writer.write(CONFIDENCE, encode_confidence(factory, confidence, *where), stamp_ns)
     return path
-
-
-def test_frames_get_their_own_depth(write_drive: Callable[..., Path], tmp_path: Path) -> None:
-    drive = write_drive(tmp_path / "drive.mcap")
-    recording = write_recording(tmp_path / "depth.mcap", {1: 5.0, 3: 7.0})
-    with BagReader(recording) as reader:
-        predict = RecordedDepth(reader).predict
-        results = [predict(sample.frame) for sample in read_samples(drive)]
-    assert [None if result is None else float(result.dense[0, 0]) for result in results] == [None, 5, None, 7, None]
-    assert results[1] is not None
-    assert results[1].camera == CAMERA
 
 
 def test_a_recording_is_measured(write_drive: Callable[..., Path], tmp_path: Path) -> None:

@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from small_drive import CAMERA_FROM_RADAR
 
-from demo.plan import _ground, plan_drive
+from demo.plan import plan_drive
 from radcam_depth_ros.bags import BagError
 from radcam_depth_ros.geometry import GeometryError, RigidTransform
-from radcam_depth_ros.intake import level_ground
 
 
 def test_the_node_is_set_for_the_bag(write_drive: Callable[..., Path], tmp_path: Path) -> None:
@@ -51,15 +48,6 @@ def test_a_real_drive_is_compressed_and_without_a_road(astyx_val: Path) -> None:
     assert plan.parameters["image_transport"] == "compressed"
     assert not plan.remappings
     assert "camera_height_m" not in plan.parameters
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.floats(0.2, 5.0), st.floats(-60, 60), st.floats(-170, 170))
-def test_the_road_is_the_one_of_the_parameters(height_m: float, pitch_deg: float, roll_deg: float) -> None:
-    parameters: Any = _ground(level_ground(height_m, pitch_deg, roll_deg))
-    assert parameters["camera_height_m"] == pytest.approx(height_m)
-    assert parameters["camera_pitch_deg"] == pytest.approx(pitch_deg, abs=1e-4)
-    assert parameters["camera_roll_deg"] == pytest.approx(roll_deg, abs=1e-4)
 
 
 def test_a_bag_without_a_sensor_is_refused(write_drive: Callable[..., Path], tmp_path: Path) -> None:

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -46,7 +49,7 @@ def nuscenes():
 
 
 def nebula_ars548():
-    other = [0.1] * 3
+    other = [0.1] * 3  # x y z fill 16 bytes, and the whole is aligned to 16
     columns = floats(
         ("azimuth", AZIMUTH),
         ("azimuth_std", other),
@@ -56,9 +59,11 @@ def nebula_ars548():
         ("range_std", other),
         ("range_rate", SPEED),
         ("range_rate_std", other),
-        start=12,
+        start=16,
     )
-    tail = [("rcs", INT8, 48, RCS), ("measurement_id", UINT16, 50, [1, 2, 3]), ("multi_target", UINT8, 52, [0] * 3)]
+    tail = [("rcs", INT8, 48, RCS), ("measurement_id", UINT16, 50, [1, 2, 3]), ("object_id", UINT16, 56, [7] * 3)]
+    states = ("positive_predictive_value", 52), ("classification", 53), ("multi_target_probability", 54)
+    tail += [(name, UINT8, offset, [9] * 3) for name, offset in (*states, ("ambiguity_flag", 58))]
     return POSITION + columns + tail
 
 
@@ -131,9 +136,11 @@ LAYOUTS = {
         RCS,
         FLAT_SPEED,
     ),
-    "ti mmwave": (
-        [*POSITION, *floats(("intensity", RCS), ("velocity", SPEED), ("range", RANGE), start=16)],
-        32,
+    "ti mmwave": ([*POSITION, *floats(("intensity", RCS), ("velocity", SPEED), start=16)], 32, XYZ, RCS, SPEED),
+    "astyx": ([*POSITION, *floats(("velocity", SPEED), ("intensity", RCS), start=12)], 20, XYZ, RCS, SPEED),
+    "astyx as in the data set": (
+        floats(("X", XYZ[:, 0]), ("Y", XYZ[:, 1]), ("Z", XYZ[:, 2]), ("V_r", SPEED), ("Mag", RCS)),
+        20,
         XYZ,
         RCS,
         SPEED,
@@ -190,6 +197,21 @@ LAYOUTS = {
     "position only": (POSITION, 12, XYZ, NONE, NONE),
 }
 
+SENSOR_FILES = {
+    "ars548_nebula": "ars548 nebula",
+    "astyx": "astyx",
+    "nuscenes_ars408": "nuscenes",
+    "smartmicro": "smartmicro",
+    "ti_mmwave": "ti mmwave",
+}
+"""Of each sensor that has a parameter file, the layout of its clouds."""
+
+
+def test_each_sensor_with_a_parameter_file_has_a_layout() -> None:
+    files = Path(__file__).parents[2].joinpath("config", "sensors").glob("*.yaml")
+    assert sorted(path.stem for path in files) == sorted(SENSOR_FILES)
+    assert set(SENSOR_FILES.values()) <= set(LAYOUTS)
+
 
 @pytest.mark.parametrize("is_bigendian", [False, True])
 @pytest.mark.parametrize(("height", "row_padding"), [(1, 0), (3, 7)])
@@ -244,6 +266,26 @@ def test_a_topic_whose_intensity_is_doppler(cloud_message):
     returns = decode_radar(message, FieldAliases(rcs=(), radial_speed=("intensity",))).returns
     np.testing.assert_allclose(returns.radial_speed_mps, SPEED)
     assert np.isnan(returns.rcs_dbsm).all()
+
+
+def test_field_names_are_read_from_a_text(cloud_message):
+    aliases = FieldAliases.parse("radial_speed=v_d,intensity  rcs=")
+    assert (aliases.radial_speed, aliases.rcs, aliases.x) == (("v_d", "intensity"), (), FieldAliases().x)
+    assert FieldAliases.parse("") == FieldAliases()
+    message = cloud_message(*POSITION, ("intensity", FLOAT32, 16, SPEED), point_step=32)
+    np.testing.assert_allclose(decode_radar(message, aliases).returns.radial_speed_mps, SPEED)
+    for text, sentence in (
+        ("rsc=power", "quantity=field, got 'rsc=power'; did you mean rcs?"),
+        ("power", "quantity=field, got 'power'; quantities are x, y,"),
+    ):
+        with pytest.raises(MessageError, match=re.escape(sentence)):
+            FieldAliases.parse(text)
+
+
+def test_a_field_that_was_named_and_is_not_there_is_no_silent_nan(cloud_message):
+    message = cloud_message(*POSITION, ("intensity", FLOAT32, 16, SPEED), point_step=32)
+    with pytest.raises(MessageError, match=r"field v_d or v_r for radial_speed, .* got x y z intensity"):
+        decode_radar(message, FieldAliases.parse("radial_speed=v_d,v_r"))
 
 
 def test_rows_without_a_position_are_dropped_and_values_that_are_not_finite_are_nan(cloud_message):

@@ -75,6 +75,13 @@ def test_the_shipped_file_is_read_by_ros(context: Any) -> None:
         ("threads", 3, 3),
         ("camera_from_radar", [1, 2, 3, 0, 0, 0, 1], (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)),
         ("radar_topics", ["a", "b"], ("a", "b")),
+        ("radar_time_offset_s", 1, 1.0),
+        ("radar_time_offset_s", [0.25], (0.25,)),
+        ("radar_time_offset_s", [], 0.0),
+        ("radar_frame", "front", "front"),
+        ("radar_frame", ["front"], ("front",)),
+        ("radar_frame", [""], ("",)),
+        ("radar_fields", ["rcs=power"], ("rcs=power",)),
         ("radar_topics", [""], ()),
         ("image_transport", "compressed", "compressed"),
         ("autostart", False, False),
@@ -100,6 +107,15 @@ def test_a_file_may_give(context: Any, name: str, value: Any, expected: Any) -> 
         ("camera_from_radar", ["x"], "camera_from_radar must be a list of numbers, got ['x']"),
         ("camera_from_radar", [1.0, 2.0], "camera_from_radar needs x y z qx qy qz qw"),
         ("image_topic", "camera_info", "must be different topics"),
+        ("radar_time_offset_s", "soon", "radar_time_offset_s must be a number, got 'soon'"),
+        ("radar_time_offset_s", [0.0, 99.0], "radar_time_offset_s must be within -10 and 10, got 99.0"),
+        ("radar_time_offset_s", [0.0, 0.1], "one value for all radars or one for each of 1, got 2: [0.0, 0.1]"),
+        ("radar_frame", ["a", "b"], "radar_frame needs one value for all radars or one for each of 1, got 2"),
+        (
+            "radar_fields",
+            "rsc=power",
+            "as quantity=field, got 'rsc=power'; did you mean rcs?",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_a_file_and_when_set(
@@ -148,4 +164,24 @@ def test_autostart_is_the_file_s_alone(context: Any) -> None:
     node = Node("radcam_depth", context=context)
     Parameters(node)
     assert "read-only" in node.set_parameters([Parameter("autostart", value=False)])[0].reason
+    node.destroy_node()
+
+
+def test_what_is_of_each_radar_is_one_value_or_a_list(context: Any) -> None:
+    node = Node("radcam_depth", context=context)
+    parameters = Parameters(node)
+    assert node.set_parameters([Parameter("radar_frame", value="radar")])[0].successful
+    assert parameters.read().pipeline.radar_frame == "radar"
+    several = [
+        Parameter("radar_topics", value=["/front", "/rear"]),
+        Parameter("radar_frame", value=["", "rear"]),
+        Parameter("radar_time_offset_s", value=[0.0, -0.05]),
+        Parameter("radar_fields", value=["", "rcs=power"]),
+    ]
+    assert node.set_parameters_atomically(several).successful
+    pipeline = parameters.read().pipeline
+    assert (pipeline.radar_frame, pipeline.pairing.radar_time_offset_s) == (("", "rear"), (0.0, -0.05))
+    assert [aliases.rcs for aliases in pipeline.field_aliases()][1] == ("power",)
+    assert "one for each of 1, got 2" in node.set_parameters([Parameter("radar_topics", value=["/front"])])[0].reason
+    assert node.set_parameters([Parameter("radar_frame", value="both")])[0].successful
     node.destroy_node()

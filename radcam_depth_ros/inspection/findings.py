@@ -1,0 +1,155 @@
+"""What is missing or odd in a bag, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from radcam_depth_ros.inspection.report import (
+    SEVERITIES,
+    CameraFacts,
+    CloudFacts,
+    ExtrinsicFacts,
+    Finding,
+    ImageFacts,
+    OffsetFacts,
+    TopicFacts,
+)
+from radcam_depth_ros.inspection.roles import Roles
+
+CLOCK_WARNING_MS = 200.0
+"""Two sensors' stamps, measured against the recorder's clock, seldom differ by so much when their clocks are right."""
+CLOCK_CERTAIN_MS = 1000.0
+"""No driver takes that long: the clocks differ."""
+_GAP_S = 1.0
+_GAP_PERIODS = 5.0
+_SHARE_WITH_SWEEP = 0.9
+_SENSOR_ROLES = ("camera", "camera_info", "radar")
+
+
+def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """The worst first; those of one severity in their order."""
+    return tuple(sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity)))
+
+
+def of_topics(topics: Sequence[TopicFacts], roles: Roles) -> Iterator[Finding]:
+    """Missing topics, gaps, stamps and frames of the sensors."""
+    for sentence in roles.lacks:
+        yield Finding("error", sentence)
+    for topic in topics:
+        if "radar" in topic.type.lower():
+            yield Finding(
+                "note",
+                f"{topic.topic} is of {topic.type}, which the node does not read; use the driver's "
+                "sensor_msgs/PointCloud2, or convert it to one",
+            )
+        if topic.role not in _SENSOR_ROLES:
+            continue
+        if topic.backwards:
+            yield Finding(
+                "warning",
+                f"{topic.backwards} stamps on {topic.topic} are earlier than the one before; the node starts its "
+                "pairing anew at each jump, so look for a second publisher or a clock that is set back",
+            )
+        period_s = 1 / topic.hz if topic.hz else 0.0
+        gap_s = topic.largest_gap_s or 0.0
+        if topic.role != "camera_info" and gap_s > max(_GAP_S, _GAP_PERIODS * period_s):
+            yield Finding(
+                "warning",
+                f"{topic.topic} pauses for {gap_s:.1f} s, its messages come every {period_s:.2f} s elsewhere; the "
+                "sensor was off, or the recorder lost messages",
+            )
+        if topic.role != "camera_info" and "" in topic.frame_ids:
+            parameter = "camera_frame" if topic.role == "camera" else "radar_frame"
+            yield Finding(
+                "error",
+                f"messages on {topic.topic} have an empty frame_id; set it in the driver, or the parameter {parameter}",
+            )
+
+
+def of_images(images: Sequence[ImageFacts], cameras: Sequence[CameraFacts], roles: Roles) -> Iterator[Finding]:
+    """Images and calibration of the camera."""
+    image = next((facts for facts in images if facts.topic == roles.image), None)
+    camera = next((facts for facts in cameras if facts.topic == roles.camera_info), None)
+    if image is not None and image.problem:
+        yield Finding("error", f"{image.topic}: {image.problem}")
+    if camera is not None and camera.problem:
+        yield Finding("error", f"{camera.topic}: {camera.problem}")
+    elif camera is not None and image is not None and image.width:
+        if (camera.width, camera.height) != (image.width, image.height):
+            yield Finding(
+                "error",
+                f"the images on {image.topic} have {image.width} x {image.height} pixels, their camera_info says "
+                f"{camera.width} x {camera.height}; publish the camera_info of the resized image, or set its binning "
+                "and region of interest",
+            )
+        elif camera.is_distorted and "rect" in image.topic.rsplit("/", 1)[-1]:
+            yield Finding(
+                "warning",
+                f"{image.topic} sounds rectified, but its camera_info has distortion ({camera.model}); "
+                "image_is_rectified: true keeps the node from rectifying it again",
+            )
+
+
+def of_clouds(clouds: Sequence[CloudFacts], roles: Roles) -> Iterator[Finding]:
+    """Fields and points of the radars."""
+    for cloud in clouds:
+        if cloud.topic not in roles.radars:
+            continue
+        if cloud.problem:
+            yield Finding("error", f"{cloud.topic}: {cloud.problem}")
+            continue
+        if cloud.points is None or not cloud.points[2]:
+            yield Finding("warning", f"no cloud on {cloud.topic} has a point; check the driver's filters")
+            continue
+        for words, found in (("radar cross section", cloud.rcs), ("Doppler speed", cloud.radial_speed)):
+            if not found:
+                yield Finding(
+                    "note",
+                    f"{cloud.topic} has no {words} by a name that is known, only {' '.join(cloud.fields)}; the node "
+                    "does without",
+                )
+
+
+def of_extrinsics(extrinsics: Sequence[ExtrinsicFacts], *, road_is_known: bool, footprint: str) -> Iterator[Finding]:
+    """Where the radars and the road are."""
+    for facts in extrinsics:
+        if facts.problem and facts.radar_frame and facts.camera_frame:
+            yield Finding(
+                "error",
+                f"{facts.topic}: {facts.problem}; record /tf_static, or set the parameter camera_from_radar "
+                "(x y z qx qy qz qw)",
+            )
+        elif facts.heading_deg is not None and abs(facts.heading_deg) > 90.0:
+            yield Finding(
+                "warning",
+                f"{facts.topic} looks away from the camera's axis by {abs(facts.heading_deg):.0f} degrees, so that the "
+                "camera sees little of it; check the extrinsics, or leave this radar out",
+            )
+    if extrinsics and not road_is_known:
+        yield Finding(
+            "warning",
+            f"no transform to {footprint}, so the road is not known; set camera_height_m (and camera_pitch_deg), "
+            "which helps much",
+        )
+
+
+def of_offsets(offsets: Sequence[OffsetFacts], limit_s: float) -> Iterator[Finding]:
+    """The radars' stamps beside the images'."""
+    for facts in offsets:
+        clock_ms = facts.clock_ms
+        if clock_ms is not None and abs(clock_ms) > CLOCK_WARNING_MS:
+            where = "ahead of" if clock_ms > 0 else "behind"
+            certain = abs(clock_ms) > CLOCK_CERTAIN_MS
+            yield Finding(
+                "warning",
+                f"by the recorder's clock the stamps on {facts.topic} are {abs(clock_ms):.0f} ms {where} the images'"
+                f"{'' if certain else ', unless one of the two drivers takes that long'}; synchronise the clocks, or "
+                f"set radar_time_offset_s: {-clock_ms / 1e3:.3f}",
+            )
+        elif facts.within < _SHARE_WITH_SWEEP:
+            yield Finding(
+                "warning",
+                f"{100 * (1 - facts.within):.0f} % of the images have no sweep of {facts.topic} within {limit_s:g} s, "
+                f"the nearest is up to {facts.p95_ms:.0f} ms away; check the sensors' clocks, or raise "
+                "max_time_offset_s",
+            )

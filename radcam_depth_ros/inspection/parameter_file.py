@@ -1,0 +1,75 @@
+"""The parameter file that fits a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from radcam_depth_ros.files import write_text
+from radcam_depth_ros.inspection.suggestion import Setting, Suggestion
+from radcam_depth_ros.intake import IntakeConfig
+from radcam_depth_ros.pairing import PairingConfig
+
+_PAIRING = ("max_time_offset_s", "max_wait_s", "radar_time_offset_s")
+
+
+def write_parameters(path: Path | str, suggestion: Suggestion, source: str) -> None:
+    """Writes a ROS 2 parameter file, whole or not at all.
+
+    Args:
+        path: The file.
+        suggestion: The parameters.
+        source: The bag that they fit, for the file's first line.
+
+    Raises:
+        RadcamDepthError: for parameters that the node would refuse, or a file that cannot be written.
+    """
+    check_parameters(suggestion.parameters)
+    write_text(path, render_parameters(suggestion, source))
+
+
+def render_parameters(suggestion: Suggestion, source: str) -> str:
+    """The parameters as YAML, with a comment for each."""
+    lines = [f"# Parameters of the node radcam_depth for {source}; all others are in config/node.yaml."]
+    if suggestion.remapping:
+        lines += [
+            "# A parameter file cannot rename topics: start the node with this as well, since the compressed images",
+            f"# are not where image_transport looks for them: --ros-args -r {suggestion.remapping}",
+        ]
+    lines += ["/**:", "  ros__parameters:"]
+    for setting in suggestion.settings:
+        lines += [f"    # {setting.reason}", f"    {'' if setting.is_needed else '# '}{_entry(setting)}"]
+    return "\n".join(lines) + "\n"
+
+
+def check_parameters(parameters: Mapping[str, object]) -> None:
+    """Refuses what the node would refuse.
+
+    Without ROS the node's own table of parameters cannot be read; what it makes of topics and pairing is still checked.
+
+    Raises:
+        RadcamDepthError: for a value that cannot be used, or values that do not fit together.
+    """
+    values: dict[str, Any] = dict(parameters)
+    IntakeConfig(
+        image=values["image_topic"],
+        camera_info=values["camera_info_topic"],
+        radars=tuple(topic for topic in values["radar_topics"] if topic),
+        camera_from_radar=tuple(values.get("camera_from_radar", ())),
+        pairing=PairingConfig(**{name: values[name] for name in _PAIRING if name in values}),
+    )
+    try:
+        from radcam_depth_ros.parameters import build_config  # here, since it needs ROS
+    except ModuleNotFoundError:
+        return
+    build_config(values)
+
+
+def _entry(setting: Setting) -> str:
+    # A list on one line, as ROS's own parameter files have it; safe_dump would put braces around a single value.
+    style = None if isinstance(setting.value, list) else False
+    text: str = yaml.safe_dump({setting.name: setting.value}, default_flow_style=style, width=10_000)
+    return text.strip()

@@ -1,0 +1,153 @@
+"""What is noted of a topic's messages while a bag is read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from radcam_depth_ros.bags import BagError, BagMessage, TopicInfo, read_header
+from radcam_depth_ros.bags.topics import CLOUD_TYPES
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.inspection.report import CameraFacts, CloudFacts, ImageFacts, TopicFacts
+from radcam_depth_ros.inspection.timing import timing_of
+from radcam_depth_ros.messages import Calibration, decode_depth, decode_image, decode_radar, radar_fields
+
+_SAMPLES = 5
+"""So many messages of a topic are looked at as a whole; of all others the header is enough."""
+_DEPTH_ENCODINGS = ("32fc1", "16uc1")
+
+
+class Recording:
+    """One topic.
+
+    Args:
+        info: The topic.
+        role: What it would be taken for.
+
+    Attributes:
+        info: The topic.
+        role: What it would be taken for.
+        stamps_ns: Of the messages that have a header.
+        logs_ns: When messages were recorded.
+        frame_ids: Frames in the headers, in the order in which they came.
+        problem: Why messages cannot be read at all; empty when they can.
+    """
+
+    def __init__(self, info: TopicInfo, role: str) -> None:
+        self.info, self.role = info, role
+        self.stamps_ns: list[int] = []
+        self.logs_ns: list[int] = []
+        self.frame_ids: dict[str, None] = {}
+        self.problem = ""
+        self._samples: list[Any] = []
+        self._counts: list[int] = []
+        self._radar_problem = ""
+
+    def add(self, item: BagMessage) -> None:
+        """Takes note of a message."""
+        self.logs_ns.append(item.log_time_ns)
+        try:
+            if item.message_type.has_header:
+                header = read_header(item.raw)
+                self.stamps_ns.append(header.stamp_ns)
+                self.frame_ids.setdefault(header.frame_id)
+            if self.role == "radar":
+                self._add_sweep(item.message)
+            if len(self._samples) < _SAMPLES:
+                self._samples.append(item.message)
+        except BagError as error:
+            self.problem = self.problem or str(error)
+
+    def _add_sweep(self, message: Any) -> None:
+        self._counts.append(int(message.width) * int(message.height))
+        try:
+            decode_radar(message)
+        except RadcamDepthError as error:
+            self._radar_problem = self._radar_problem or str(error)
+
+    def topic_facts(self) -> TopicFacts:
+        """The topic, with its timing."""
+        times_ns = self.stamps_ns or self.logs_ns
+        timing = timing_of(times_ns)
+        delays_ns = np.subtract(self.logs_ns[: len(self.stamps_ns)], self.stamps_ns) if self.stamps_ns else None
+        return TopicFacts(
+            self.info.name,
+            self.info.type_name,
+            self.info.count,
+            None if timing.hz is None else round(timing.hz, 2),
+            self.role,
+            None if timing.jitter_s is None else round(1e3 * timing.jitter_s, 3),
+            None if timing.largest_gap_s is None else round(timing.largest_gap_s, 4),
+            timing.backwards,
+            None if delays_ns is None else round(float(np.median(delays_ns)) / 1e6, 3),
+            tuple(self.frame_ids),
+            self.info.latched,
+            self.info.reliable,
+        )
+
+    def image_facts(self) -> ImageFacts:
+        """Of a topic of images."""
+        width = height = 0
+        encoding = problem = ""
+        for message in self._samples:
+            encoding = str(message.encoding if hasattr(message, "encoding") else message.format)
+            width, height = int(getattr(message, "width", 0)), int(getattr(message, "height", 0))
+            try:
+                if encoding.lower() in _DEPTH_ENCODINGS:
+                    decode_depth(message)
+                else:
+                    height, width = decode_image(message).image.shape[:2]
+            except RadcamDepthError as error:
+                problem = problem or str(error)
+        return ImageFacts(self.info.name, encoding, width, height, problem or self.problem)
+
+    def camera_facts(self) -> CameraFacts:
+        """Of a topic of camera_info."""
+        facts = CameraFacts(self.info.name, 0, 0, None, "", (), False, self.problem)
+        for message in self._samples[-1:]:
+            model, distortion = str(message.distortion_model), tuple(float(value) for value in message.d)
+            size = (int(message.width), int(message.height))
+            try:
+                calibration = Calibration(message)
+            except RadcamDepthError as error:
+                return CameraFacts(self.info.name, *size, None, model, distortion, any(distortion), str(error))
+            camera = calibration.camera
+            facts = CameraFacts(
+                self.info.name,
+                camera.width,
+                camera.height,
+                round(camera.fx, 2),
+                model,
+                distortion,
+                calibration.lens is not None,
+            )
+        return facts
+
+    def cloud_facts(self) -> CloudFacts:
+        """Of a topic of point clouds."""
+        message = next((sample for sample in self._samples if sample.fields), None)
+        if message is None:
+            return CloudFacts(self.info.name, (), problem=self.problem)
+        names = tuple(str(field.name) for field in message.fields)
+        if self.role != "radar":
+            return CloudFacts(self.info.name, names, problem=self.problem)
+        points = (min(self._counts), int(np.median(self._counts)), max(self._counts))
+        try:
+            taken = radar_fields(message)
+        except RadcamDepthError as error:
+            return CloudFacts(self.info.name, names, points=points, problem=str(error))
+        return CloudFacts(
+            self.info.name,
+            names,
+            taken.position,
+            taken.rcs,
+            taken.radial_speed,
+            points,
+            self.problem or self._radar_problem,
+        )
+
+    @property
+    def is_cloud(self) -> bool:
+        """Whether it is a topic of point clouds."""
+        return self.info.type_name in CLOUD_TYPES

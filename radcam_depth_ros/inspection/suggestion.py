@@ -1,0 +1,90 @@
+"""The node's parameters that fit a bag."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from radcam_depth_ros.frame import GroundPlane
+from radcam_depth_ros.geometry import TransformTree
+
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A parameter.
+
+    Attributes:
+        name: Its name in ROS.
+        value: What it should be.
+        reason: Why.
+        is_needed: Whether the node needs it for this bag; else it stands in the file as a comment.
+    """
+
+    name: str
+    value: object
+    reason: str
+    is_needed: bool = True
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """How to start the node.
+
+    Attributes:
+        settings: Its parameters.
+        remapping: What the node's image topic has to be remapped to, `from:=to`; empty where nothing.
+    """
+
+    settings: tuple[Setting, ...]
+    remapping: str = ""
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        """Name to value of those that the node needs."""
+        return {setting.name: setting.value for setting in self.settings if setting.is_needed}
+
+
+def topic_parameters(image: str, image_type: str, camera_info: str, radars: Sequence[str]) -> dict[str, object]:
+    """The parameters that name the topics of a bag."""
+    is_compressed = image_type == COMPRESSED
+    return {
+        "image_topic": image.removesuffix("/compressed") if is_compressed else image,
+        "image_transport": "compressed" if is_compressed else "raw",
+        "camera_info_topic": camera_info,
+        # rclpy takes an empty list for nothing at all
+        "radar_topics": list(radars) or [""],
+    }
+
+
+def image_remapping(image: str, image_type: str) -> tuple[str, str] | None:
+    """Where the node would listen for compressed images, and where they are; None where both are the same."""
+    expected = f"{image.removesuffix('/compressed')}/compressed"
+    return (expected, image) if image_type == COMPRESSED and expected != image else None
+
+
+def extrinsic_parameters(
+    transforms: TransformTree, camera_frame: str, radar_frames: Sequence[str]
+) -> dict[str, object]:
+    """Where the radars are, as a parameter.
+
+    Raises:
+        GeometryError: when a frame is not known.
+    """
+    numbers: list[float] = []
+    for frame in radar_frames:
+        camera_from_radar = transforms.lookup(camera_frame, frame)
+        numbers += [float(value) for value in (*camera_from_radar.translation, *camera_from_radar.quaternion)]
+    return {"camera_from_radar": numbers}
+
+
+def ground_parameters(ground: GroundPlane) -> dict[str, object]:
+    """The camera's height and attitude above the road, as parameters."""
+    right, down, forward = (float(value) for value in ground.up)
+    return {
+        "camera_height_m": float(ground.height_m),
+        "camera_pitch_deg": math.degrees(-math.asin(forward)),
+        "camera_roll_deg": math.degrees(math.atan2(-right, -down)),
+    }

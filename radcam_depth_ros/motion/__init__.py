@@ -1,0 +1,17 @@
+"""How the vehicle moved, from its odometry or from /tf, and where that leaves what a radar saw a moment ago."""
+
+from radcam_depth_ros.motion.poses import Poses, interpolate
+from radcam_depth_ros.motion.returns import MOVING_MPS, Displacement, displacement, move
+from radcam_depth_ros.motion.vehicle import Memory, Motion, MotionError
+
+__all__ = [
+    "MOVING_MPS",
+    "Displacement",
+    "Memory",
+    "Motion",
+    "MotionError",
+    "Poses",
+    "displacement",
+    "interpolate",
+    "move",
+]

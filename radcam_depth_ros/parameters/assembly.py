@@ -1,0 +1,31 @@
+"""The node's config, of parameters by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from radcam_depth_ros import configuration
+from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
+from radcam_depth_ros.parameters.table import PARAMETERS
+
+_BY_NAME = {spec.name: spec for spec in PARAMETERS}
+
+
+def build_config(values: Mapping[str, Any]) -> NodeConfig:
+    """All that the node is told by some parameters; those that are left out have their defaults.
+
+    Raises:
+        RadcamDepthError: for a parameter that there is not, or when a value, or values together, cannot be used.
+    """
+    mapping: dict[str, Any] = {}
+    for parameter, value in values.items():
+        if parameter not in _BY_NAME:
+            raise ParameterError(f"the node has no parameter {parameter}; it has {', '.join(sorted(_BY_NAME))}")
+        spec = _BY_NAME[parameter]
+        *owners, name = spec.path.split(".")
+        owner = mapping
+        for step in owners:
+            owner = owner.setdefault(step, {})
+        owner[name] = spec.convert(value)
+    return configuration.build(NodeConfig, mapping, "the parameters")

@@ -1,0 +1,89 @@
+"""One frame as a picture: the camera, dense and semi-dense depth side by side, radar returns drawn in."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+
+from radcam_depth_ros.evaluation.panels import FAR_M, NEAR_M, draw_depth, draw_radar
+from radcam_depth_ros.frame import DepthResult, Frame, ImageArray, RadcamDepthError
+from radcam_depth_ros.geometry import project
+from radcam_depth_ros.messages import colorise
+from radcam_depth_ros.pipeline import image_at
+
+TILES = 3
+SMALLEST_WIDTH = 480
+_CAPTION_PX, _FOOTER_PX, _GAP_PX = 26, 40, 4
+_BACKGROUND, _TEXT = 24, (225, 225, 225)
+_TICKS_M = (2, 5, 10, 20, 40, 80)
+_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+
+
+class ViewError(RadcamDepthError):
+    """Pictures that cannot be made, or not be written where they should go."""
+
+
+def draw_picture(frame: Frame, result: DepthResult, width: int) -> ImageArray:
+    """Draws a frame.
+
+    Args:
+        frame: The frame.
+        result: Its depth, at any size.
+        width: Of the picture; a few pixels are left out so that videos have even sizes.
+
+    Returns:
+        (h, w, 3) uint8 RGB, h and w even.
+
+    Raises:
+        ViewError: when it is too narrow to be read.
+    """
+    if width < SMALLEST_WIDTH:
+        raise ViewError(f"a picture needs a width of at least {SMALLEST_WIDTH} pixels, got {width}")
+    uv, depth_m = project(frame.radar.xyz_m, result.camera)
+    camera = draw_radar(image_at(frame, result.camera), uv, depth_m)
+    dense = draw_depth(result.dense)
+    shrunk = dense.shape[1] / result.camera.width
+    dense = draw_radar(dense, uv * np.float32(shrunk), depth_m)
+    titles = ("camera and radar", "dense depth", "semi-dense depth")
+    tiles = [
+        _tile(title, tile, width // TILES - _GAP_PX)
+        for title, tile in zip(titles, (camera, dense, draw_depth(result.semi_dense)), strict=True)
+    ]
+    row = np.concatenate(tiles, axis=1)
+    picture = np.concatenate([row, _footer(frame, row.shape[1])])
+    height, width = (size // 2 * 2 for size in picture.shape[:2])
+    return np.ascontiguousarray(picture[:height, :width])
+
+
+def _tile(title: str, image: ImageArray, width: int) -> ImageArray:
+    height = max(1, round(image.shape[0] * width / image.shape[1]))
+    enlarged = width > image.shape[1]
+    resized = cv2.resize(image, (width, height), interpolation=cv2.INTER_NEAREST if enlarged else cv2.INTER_AREA)
+    tile = np.full((_CAPTION_PX + height, width + _GAP_PX, 3), _BACKGROUND, np.uint8)
+    _write(tile[:_CAPTION_PX], title, 6)
+    tile[_CAPTION_PX:, :width] = resized
+    return tile
+
+
+def _footer(frame: Frame, width: int) -> ImageArray:
+    """Stamp and returns on the left, the colours of depth on the right."""
+    footer = np.full((_FOOTER_PX, width, 3), _BACKGROUND, np.uint8)
+    _write(footer, f"{frame.stamp_ns / 1e9:.3f} s, {len(frame.radar)} radar returns", 6)
+    left, right = width - width // TILES + 10, width - 30
+    scale_m = np.geomspace(NEAR_M, FAR_M, right - left, dtype=np.float32)[None]
+    footer[4:16, left:right] = colorise(scale_m, NEAR_M, FAR_M)
+    for tick_m in _TICKS_M:
+        share = math.log(tick_m / NEAR_M) / math.log(FAR_M / NEAR_M)
+        column = left + round(share * (right - left - 1))
+        footer[16:20, column] = _TEXT
+        text = f"{tick_m} m" if tick_m == _TICKS_M[-1] else str(tick_m)
+        cv2.putText(footer, text, (column - 4 * len(text), 34), _FONT, 0.4, _TEXT, 1, cv2.LINE_AA)
+    return footer
+
+
+def _write(canvas: Any, text: str, left: int) -> None:
+    baseline = canvas.shape[0] // 2 + 5
+    cv2.putText(canvas, text, (left, baseline), _FONT, _FONT_SCALE, _TEXT, 1, cv2.LINE_AA)

@@ -1,0 +1,71 @@
+"""The depth images of a bag, in place of a network."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from radcam_depth_ros.bags import BagReader, header_stamp_ns
+from radcam_depth_ros.bags.topics import IMAGE_TYPES
+from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
+from radcam_depth_ros.messages import Calibration, decode_depth
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS
+
+_DEPTH = OUTPUT_TOPICS["depth"]
+_CAMERA_INFO = OUTPUT_TOPICS["depth_camera_info"]
+_SEMI_DENSE = OUTPUT_TOPICS["semi_dense"]
+_CONFIDENCE = OUTPUT_TOPICS["confidence"]
+
+
+def find_recorded_depth(reader: BagReader) -> str | None:
+    """The namespace in which a bag has the node's depth, `/` for its own names; None where it has none."""
+    names = {topic.name for topic in reader.topics if topic.count}
+    images = {topic.name for topic in reader.topics if topic.type_name == IMAGE_TYPES[0]}
+    namespaces = [name.removesuffix(_DEPTH) for name in names & images if name.endswith(f"/{_DEPTH}")]
+    return min((name for name in namespaces if f"{name}{_CAMERA_INFO}" in names), key=len, default=None)
+
+
+class RecordedDepth:
+    """The depth of frame after frame.
+
+    Args:
+        reader: The bag; it stays open as long as this is used.
+        namespace: Of the node's topics, as `find_recorded_depth` gives it.
+    """
+
+    def __init__(self, reader: BagReader, namespace: str = "/") -> None:
+        recorded = {topic.name for topic in reader.topics if topic.count}
+        wanted = {namespace + name: name for name in (_DEPTH, _CAMERA_INFO, _SEMI_DENSE, _CONFIDENCE)}
+        self._names = {topic: name for topic, name in wanted.items() if topic in recorded}
+        self._messages = reader.messages(self._names.keys())
+        self._waiting: dict[int, dict[str, Any]] = {}
+
+    def predict(self, frame: Frame) -> DepthResult | None:
+        """The depth recorded for a frame, None where there is none; frames in the order of their stamps."""
+        for stamp_ns in [stamp for stamp in self._waiting if stamp < frame.stamp_ns]:
+            del self._waiting[stamp_ns]
+        # The node publishes one frame after the other: once a later one is complete, this one is not to come.
+        while not any(self._is_complete(stamp_ns) for stamp_ns in self._waiting):
+            item = next(self._messages, None)
+            if item is None:
+                break
+            stamp_ns = header_stamp_ns(item.raw)
+            if stamp_ns >= frame.stamp_ns:
+                self._waiting.setdefault(stamp_ns, {})[self._names[item.topic]] = item
+        if not self._is_complete(frame.stamp_ns):
+            return None
+        found = {name: item.message for name, item in self._waiting.pop(frame.stamp_ns).items()}
+        camera = Calibration(found[_CAMERA_INFO]).camera
+        dense = decode_depth(found[_DEPTH]).depth_m
+
+        def depth_of(name: str) -> FloatArray:
+            return decode_depth(found[name]).depth_m if name in found else np.full_like(dense, np.nan)
+
+        semi_dense, confidence = depth_of(_SEMI_DENSE), depth_of(_CONFIDENCE)
+        return DepthResult(
+            frame.stamp_ns, frame.frame_id, camera, dense, semi_dense, confidence, radar_in_view=len(frame.radar)
+        )
+
+    def _is_complete(self, stamp_ns: int) -> bool:
+        return len(self._waiting.get(stamp_ns, ())) == len(self._names)

@@ -1,0 +1,107 @@
+"""A bag's frames with their depth, as pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from radcam_depth_ros.bags import BagReader, SensorTopics
+from radcam_depth_ros.drive import DriveSettings, prime
+from radcam_depth_ros.frame import DepthResult, Frame
+from radcam_depth_ros.intake import Intake
+from radcam_depth_ros.viewing.output import STRIP, check_target, output
+from radcam_depth_ros.viewing.picture import SMALLEST_WIDTH, ViewError, draw_picture
+
+STRIP_FRAMES = 5
+_RATES_HZ = (1.0, 120.0)
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """Which frames are shown, and how large.
+
+    Attributes:
+        every: Only every so many-th image.
+        frames: At most so many; None for all of a video or folder, and a few of a strip.
+        width: Of a picture, pixels.
+    """
+
+    every: int = 1
+    frames: int | None = None
+    width: int = 1920
+
+    def __post_init__(self) -> None:
+        if self.every < 1 or (self.frames is not None and self.frames < 1):
+            raise ViewError(f"every and frames must be at least 1, got {self.every} and {self.frames}")
+        if self.width < SMALLEST_WIDTH:
+            raise ViewError(f"a picture needs a width of at least {SMALLEST_WIDTH} pixels, got {self.width}")
+
+
+def view(
+    bag: Path | str,
+    target: Path | str,
+    estimate: Callable[[Frame], DepthResult | None],
+    settings: DriveSettings | None = None,
+    options: ViewOptions | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> int:
+    """Draws a bag's frames.
+
+    Args:
+        bag: A rosbag2 folder or .mcap file.
+        target: A video (.mp4), a strip of evenly spread frames below one another (.png), or a folder to make.
+        estimate: Gives a frame's depth; a frame of which it gives None is left out.
+        settings: How the bag is read.
+        options: Which frames.
+        progress: Called with (frames looked at, frames to look at).
+
+    Returns:
+        The number of pictures.
+
+    Raises:
+        RadcamDepthError: for a bag that cannot be used, or a target that cannot be written.
+    """
+    target, settings, options = Path(target), settings or DriveSettings(), options or ViewOptions()
+    check_target(target)
+    with BagReader(bag) as reader:
+        topics = settings.topics(reader)
+        images = reader.count([topics.image])
+        picks = _picks(images, options, spread=target.suffix == STRIP)
+        seconds = reader.duration_ns / 1e9
+        rate_hz = (images - 1) / seconds / options.every if seconds > 0 else 1.0
+        shown = looked_at = 0
+        with output(target, float(np.clip(rate_hz, *_RATES_HZ))) as add:
+            for index, frame in enumerate(_frames(reader, topics, settings)):
+                if index not in picks:
+                    continue
+                result = estimate(frame)
+                if result is not None:
+                    add(draw_picture(frame, result, options.width))
+                    shown += 1
+                looked_at += 1
+                progress(looked_at, len(picks))
+                if looked_at == len(picks):
+                    break
+    return shown
+
+
+def _picks(images: int, options: ViewOptions, *, spread: bool) -> frozenset[int]:
+    """Indices of the images to show: the first ones, or evenly spread ones."""
+    indices = range(0, images, options.every)
+    if not spread:
+        return frozenset(indices[: options.frames])
+    count = min(options.frames or STRIP_FRAMES, len(indices))
+    return frozenset(indices[place] for place in np.linspace(0, len(indices) - 1, count).round().astype(int))
+
+
+def _frames(reader: BagReader, topics: SensorTopics, settings: DriveSettings) -> Iterator[Frame]:
+    """The frames that the node would see, in their order."""
+    intake = Intake(settings.intake(topics))
+    prime(reader, intake, topics)
+    for message in reader.messages({topics.image, topics.camera_info, *topics.radars}):
+        yield from intake.expire(message.log_time_ns)
+        yield from intake.accept(message.topic, message.message, message.log_time_ns)
+    yield from intake.flush()

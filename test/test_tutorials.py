@@ -1,0 +1,175 @@
+"""What docs/tutorials say, against what is there: every command, option, launch argument, topic and link.
+
+Commands are parsed, not run: each page says which of its commands were run, and how.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+import typer
+import yaml
+
+from radcam_depth_ros.cli import app
+from radcam_depth_ros.parameters import PARAMETERS
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS, PipelineConfig
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+TEXTS = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
+TOPICS = {*OUTPUT_TOPICS.values(), PipelineConfig().image, *PipelineConfig().radars}
+
+
+def blocks(language: str) -> Iterator[tuple[str, str]]:
+    for name, text in TEXTS.items():
+        for block in re.findall(rf"^```{language}\n(.*?)^```", text, re.M | re.S):
+            yield name, block
+
+
+def commands(*beginning: str) -> list[tuple[str, list[str]]]:
+    """All commands that begin with these words: page, words."""
+    found = []
+    for name, block in blocks("bash"):
+        for line in block.replace("\\\n", " ").splitlines():
+            words = shlex.split(line, comments=True)
+            for start in range(len(words)):
+                if tuple(words[start : start + len(beginning)]) == beginning:
+                    found.append((name, words[start + len(beginning) :]))
+                    break
+    return found
+
+
+def launch_arguments(file: Path) -> set[str]:
+    """Names of a launch file's arguments: the keys of its mappings, and what it declares by name."""
+    text = file.read_text(encoding="utf-8")
+    if file.suffix == ".xml":
+        return {str(argument.get("name")) for argument in ElementTree.fromstring(text).findall("arg")}
+    names = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "DeclareLaunchArgument":
+            names |= {first.value for first in node.args[:1] if isinstance(first, ast.Constant)}
+        target = (
+            node.target
+            if isinstance(node, ast.AnnAssign)
+            else node.targets[0]
+            if isinstance(node, ast.Assign)
+            else None
+        )
+        if target is not None and ast.unparse(target) in ("SETS", "OTHERS", "PASSED_ON"):
+            assert isinstance(node, ast.Assign | ast.AnnAssign)
+            assert isinstance(node.value, ast.Dict)
+            names |= {ast.literal_eval(key) for key in node.value.keys if key is not None}
+    return names
+
+
+@pytest.mark.parametrize(("page", "words"), commands("radcam-depth"))
+def test_verbs_take_what_they_are_given(page: str, words: list[str]) -> None:
+    verb, *given = words
+    command: Any = getattr(typer.main.get_command(app), "commands", {})[verb]
+    context = command.make_context(verb, [], resilient_parsing=True)
+    context.resilient_parsing = False  # for the context alone: what a page gives must be right
+    _, rest, _ = command.make_parser(context).parse_args(given)
+    assert not rest, f"{page}: {rest} is not taken"
+
+
+@pytest.mark.parametrize(("page", "words"), commands("ros2", "launch", "radcam_depth_ros"))
+def test_launch_files_take_what_they_are_given(page: str, words: list[str]) -> None:
+    file, *given = words
+    arguments = launch_arguments(ROOT / "launch" / file)
+    assert {word.split(":=")[0] for word in given} <= arguments, page
+    for word in given:
+        name, value = word.split(":=")
+        if name == "sensors":
+            assert (ROOT / "config" / "sensors" / f"{value}.yaml").is_file()
+
+
+@pytest.mark.parametrize(("page", "words"), commands("make"))
+def test_make_targets_exist(page: str, words: list[str]) -> None:
+    assert re.search(rf"^{words[0]}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M), page
+
+
+@pytest.mark.parametrize("page", TEXTS)
+def test_links_and_files_exist(page: str) -> None:
+    for target in re.findall(r"\]\(([^):]+)\)", TEXTS[page]):
+        path, _, heading = target.partition("#")
+        linked = (ROOT / "docs" / "tutorials" / path).resolve() if path else ROOT / "docs" / "tutorials" / page
+        assert linked.exists(), target
+        if heading:
+            lines = linked.read_text(encoding="utf-8").splitlines()
+            titles = [
+                re.sub(r"[^\w\- ]", "", line.lstrip("# ").lower()).replace(" ", "-")
+                for line in lines
+                if line[:1] == "#"
+            ]
+            assert heading in titles, target
+    for path in re.findall(r"(?<![\w/])(?:config|launch|rviz|foxglove|docker)/[\w./]*\w", TEXTS[page]):
+        assert (ROOT / path).exists(), path
+
+
+def test_the_readme_links_every_tutorial() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert all(f"(docs/tutorials/{page})" in readme for page in TEXTS)
+
+
+@pytest.mark.parametrize(("page", "block"), list(blocks("yaml")))
+def test_parameters_exist(page: str, block: str) -> None:
+    (section,) = yaml.safe_load(block).values()
+    assert set(section["ros__parameters"]) <= {spec.name for spec in PARAMETERS}, page
+
+
+@pytest.mark.parametrize(("page", "block"), list(blocks("xml")))
+def test_an_include_gives_arguments_that_there_are(page: str, block: str) -> None:
+    include = next(ElementTree.fromstring(block).iter("include"))
+    file = ROOT / str(include.get("file")).partition("radcam_depth_ros)/")[2]
+    assert {argument.get("name") for argument in include.findall("arg")} <= launch_arguments(file), page
+
+
+def test_costmaps_read_what_the_node_writes() -> None:
+    sections = yaml.safe_load((ROOT / "config" / "nav2" / "costmaps.yaml").read_text(encoding="utf-8"))
+    found = {}
+
+    def collect(value: object) -> None:
+        if isinstance(value, dict):
+            if "topic" in value:
+                found[value["topic"]] = value
+            for inner in value.values():
+                collect(inner)
+
+    collect(sections)
+    from_nav2_md = {"/semi_dense/points"}  # by depth_image_proc, in the namespace of what it reads
+    assert set(found) == {f"/{OUTPUT_TOPICS['points']}"} | from_nav2_md
+    assert Path(OUTPUT_TOPICS["semi_dense"]).parent == Path(OUTPUT_TOPICS["semi_dense_camera_info"]).parent
+
+
+def test_foxglove_shows_topics_that_exist() -> None:
+    layout = yaml.safe_load((ROOT / "foxglove" / "radcam_depth.json").read_text(encoding="utf-8"))
+    panels = layout["configById"]
+
+    def placed(node: object) -> list[object]:
+        return [*placed(node["first"]), *placed(node["second"])] if isinstance(node, dict) else [node]
+
+    assert sorted(map(str, placed(layout["layout"]))) == sorted(panels)
+    topics = {str(panel.get("imageMode", {}).get("imageTopic", "/image")) for panel in panels.values()}
+    topics |= {
+        str(panel.get("imageMode", {}).get("calibrationTopic", "/depth/camera_info")) for panel in panels.values()
+    }
+    topics |= {topic for panel in panels.values() for topic in panel.get("topics", {})}
+    known = {f"/{topic}" for topic in (*TOPICS, PipelineConfig().camera_info)}
+    assert topics <= known
+    assert {"/depth/preview", "/depth/points"} <= topics
+    assert any(panel.get("topicToRender") == "/diagnostics" for panel in panels.values())
+
+
+def test_the_dockerfile_copies_files_that_there_are() -> None:
+    lines = (ROOT / "docker" / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
+    copied = [line.split()[1:-1] for line in lines if line.startswith("COPY")]
+    assert copied
+    assert all((ROOT / source).exists() for sources in copied for source in sources)
+    assert (ROOT / "docker" / "entrypoint.sh").stat().st_mode & 0o111
