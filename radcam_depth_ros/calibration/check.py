@@ -84,7 +84,7 @@ def _judge_lidar(recording: Recording, radars: list[SensorReport], up: np.typing
     believed = [index for index, report in enumerate(radars) if report.verdict != SUSPECT]
     placements = alternatives(recording.camera_from_lidar, up, "camera_from_lidar")
     parts = lidar_parts(recording, placements, believed)
-    return judge(topic, placements, parts, points, LIDAR_PARTS)
+    return judge(topic, placements, parts, points, LIDAR_PARTS, ("a radar whose place is right",))
 
 
 def _write_pictures(recording: Recording, out: Path, progress: Callable[[str, int, int], None]) -> tuple[str, ...]:

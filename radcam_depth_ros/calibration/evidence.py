@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.calibration.own_motion import own_motion
 from radcam_depth_ros.calibration.placements import Placement, Pose
-from radcam_depth_ros.calibration.recording import Radar, Recording, Sweep, View
+from radcam_depth_ros.calibration.recording import Radar, Recording, View
 from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
 from radcam_depth_ros.geometry import DoubleArray, RigidTransform, project
 from radcam_depth_ros.motion import MotionError, displacement
@@ -20,7 +20,9 @@ PARTS = ("view", "road", "lidar", "doppler", "sweeps")
 """What is looked at: in the image's view, not below the road, near the LiDAR's points, the Doppler as the vehicle's motion
 has it, and earlier and later sweeps at the same place."""
 _SECOND = 1_000_000_000
+_LATE_NS = 150_000_000
 _MOST_POINTS = 500
+_NEAREST_M = 0.3
 _MOST_SCAN = 8000
 _ON_ROAD_M, _ON_ROAD_SLANT = 0.3, 0.02
 _BELOW_M, _ABOVE_M = 1.0, 8.0
@@ -35,6 +37,7 @@ _AGREES_MPS = 0.5
 _SWEEPS_S = (0.4, 2.0)
 _MOST_SWEEPS = 6
 _LEAST_WAY_M = 3.0
+_ELSEWHERE_M = 4.0
 _FEWEST = 5
 
 
@@ -103,6 +106,8 @@ class _Look:
     sight: DoubleArray
     speeds_mps: DoubleArray
 
+
+ValueT = TypeVar("ValueT", np.float32, np.intp)
 
 LIDAR_PARTS = ("road", "lidar")
 """What is looked at of a LiDAR: its points on the road, and near the radars' returns."""
@@ -175,12 +180,12 @@ class Evidence:
     def _doppler(self, radar: Radar, stamp_ns: int) -> tuple[DoubleArray | None, DoubleArray, DoubleArray]:
         """The radar's velocity in the camera's axes, and the directions and speeds of what stands still."""
         nothing = (None, np.zeros((0, 3)), np.zeros(0))
-        sweep = nearest_sweep(radar.sweeps, stamp_ns)
-        if radar.is_over_ground or sweep is None:
+        pairs = zip(radar.sweeps, radar.own_motions, strict=True)
+        sweep, own = min(pairs, key=lambda pair: abs(pair[0].stamp_ns - stamp_ns), default=(None, None))
+        if sweep is None or own is None or abs(sweep.stamp_ns - stamp_ns) > _LATE_NS:
             return nothing
         velocity = velocity_mps(self._recording, radar, sweep.stamp_ns)
-        own = own_motion(sweep.xyz_m, sweep.radial_speed_mps)
-        if velocity is None or own is None:
+        if velocity is None:
             return nothing
         speed_mps = float(np.linalg.norm(velocity))
         # Another speed than the vehicle's is that of a convoy around it, or of Doppler that is ambiguous.
@@ -229,41 +234,35 @@ def velocity_mps(recording: Recording, radar: Radar, stamp_ns: int) -> DoubleArr
     return how.velocity_mps
 
 
-def nearest_sweep(sweeps: Sequence[Sweep], stamp_ns: int) -> Sweep | None:
-    """The sweep nearest to a time; None where there is none within 0.15 s."""
-    sweep = min(sweeps, key=lambda one: abs(one.stamp_ns - stamp_ns), default=None)
-    return sweep if sweep is not None and abs(sweep.stamp_ns - stamp_ns) < 0.15 * _SECOND else None
-
-
 def upright(points_m: FloatArray, ground: GroundPlane) -> FloatArray:
     """The points (N, 3) that are no road and no bridge."""
     height_m = points_m @ np.asarray(ground.up) + ground.height_m
     return points_m[(height_m > _UPRIGHT_M[0]) & (height_m < _UPRIGHT_M[1])]
 
 
-def thinned(points_m: FloatArray, most: int) -> FloatArray:
-    """At most so many of some points, evenly taken."""
-    return points_m if len(points_m) <= most else points_m[np.linspace(0, len(points_m) - 1, most).astype(int)]
+def thinned(points: npt.NDArray[ValueT], most: int) -> npt.NDArray[ValueT]:
+    """At most so many of some points (or indices) (N, ...), evenly taken."""
+    return points if len(points) <= most else points[np.linspace(0, len(points) - 1, most).astype(int)]
 
 
 def _parts(look: _Look, pose: Pose) -> tuple[float, ...]:
     points_m = pose.apply(look.points_m)
     distance_m = np.linalg.norm(look.points_m, axis=1)
     return (
-        seen_share(points_m, look.camera),
+        float(in_image(points_m, look.camera).mean()),
         _road_share(points_m, distance_m, look.ground),
         look.lidar.nearness(points_m[distance_m < _REACH_M]) if look.lidar is not None else np.nan,
         _doppler_share(look, pose),
-        _sweeps_nearness(look, pose, points_m[distance_m < _REACH_M]),
+        _sweeps_contrast(look, pose, points_m[distance_m < _REACH_M]),
     )
 
 
-def seen_share(points_m: FloatArray, camera: CameraModel) -> float:
-    """The share of points (N, 3) that are in an image."""
+def in_image(points_m: FloatArray, camera: CameraModel) -> npt.NDArray[np.bool_]:
+    """(N,) which of some points (N, 3) are in an image."""
     uv, depth_m = project(points_m, camera)
     with np.errstate(invalid="ignore"):
-        inside = (uv >= 0).all(axis=1) & (uv[:, 0] < camera.width) & (uv[:, 1] < camera.height)
-    return float((inside & (depth_m > 0.3)).mean())
+        inside: npt.NDArray[np.bool_] = (uv >= 0).all(axis=1) & (uv[:, 0] < camera.width) & (uv[:, 1] < camera.height)
+    return inside & (depth_m > _NEAREST_M)
 
 
 def _road_share(points_m: FloatArray, distance_m: FloatArray, ground: GroundPlane) -> float:
@@ -281,8 +280,12 @@ def _doppler_share(look: _Look, pose: Pose) -> float:
     return float((np.abs(look.speeds_mps - expected) < slack_mps).mean())
 
 
-def _sweeps_nearness(look: _Look, pose: Pose, points_m: FloatArray) -> float:
+def _sweeps_contrast(look: _Look, pose: Pose, points_m: FloatArray) -> float:
     if not look.others:
         return float("nan")
     there = np.concatenate([moved.apply(pose.apply(other)) for moved, other in look.others])
-    return Floor(look.ground, there).nearness(points_m)
+    floor = Floor(look.ground, there)
+    # Points in a row, as of a guard rail or of a place that squeezes them, are near to one another wherever they are.
+    ahead_m = _ELSEWHERE_M * floor_axes(look.ground)[1]
+    by_chance = max(floor.nearness(points_m + sign * ahead_m) for sign in (-1, 1))
+    return max(0.0, floor.nearness(points_m) - by_chance)

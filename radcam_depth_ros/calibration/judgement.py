@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from radcam_depth_ros.calibration.evidence import PARTS, Evidence, floor_axes, velocity_mps
-from radcam_depth_ros.calibration.own_motion import own_motion
 from radcam_depth_ros.calibration.placements import Placement
 from radcam_depth_ros.calibration.recording import Radar, Recording
 from radcam_depth_ros.calibration.report import OK, SUSPECT, UNKNOWN, Fit, SensorReport
@@ -20,14 +19,13 @@ MARGIN = 0.05
 _SMALL_MARGIN = 0.04
 _CERTAIN = 3.0
 """A difference counts when it is so many times its standard error over the images."""
-_LEAST_PART = 0.2
+_LEAST_PART = 0.1
 _FEWEST_IMAGES = 3
 _SHOWN = 5
 _YAW_SUSPECT_DEG = 2.0
 _YAW_FLOOR_DEG = 0.2
 _LEAST_SPEED_MPS = 4.0
 _FEWEST_SWEEPS = 8
-_MOST_SWEEPS = 300
 _HARMLESS = ("with z flipped",)
 """Without elevation, or with a poor one, nobody can tell, and little depends on it."""
 
@@ -50,7 +48,9 @@ def judge_radar(recording: Recording, index: int, evidence: Evidence, placements
         sentence = f"{len(evidence)} of {len(recording.views)} images have returns of it; look at it with inspect"
         return SensorReport(radar.topic, UNKNOWN, sentence, len(evidence), points)
     yaw_deg, yaw_error_deg = yaw_off(recording, radar)
-    report = judge(radar.topic, placements, evidence.parts(placements), points, PARTS)
+    would_tell = () if recording.camera_from_lidar is not None else ("LiDAR",)
+    would_tell = (*would_tell, "odometry in turns")
+    report = judge(radar.topic, placements, evidence.parts(placements), points, PARTS, would_tell)
     if report.verdict != SUSPECT and yaw_deg is not None and yaw_error_deg is not None:
         if abs(yaw_deg) > max(_YAW_SUSPECT_DEG, _CERTAIN * yaw_error_deg):
             sentence = (
@@ -62,7 +62,12 @@ def judge_radar(recording: Recording, index: int, evidence: Evidence, placements
 
 
 def judge(
-    topic: str, placements: Sequence[Placement], parts: DoubleArray, points: int, names: Sequence[str]
+    topic: str,
+    placements: Sequence[Placement],
+    parts: DoubleArray,
+    points: int,
+    names: Sequence[str],
+    would_tell: Sequence[str],
 ) -> SensorReport:
     """A verdict on the first of several places.
 
@@ -72,6 +77,7 @@ def judge(
         parts: (placements, images, names), 0 to 1, NaN where unknown.
         points: How many points were looked at.
         names: Of the parts.
+        would_tell: What else a bag might have.
     """
     scores = scores_of(parts)
     means, shares = np.nan_to_num(_mean(scores, 1)), _mean(parts, 1)
@@ -111,9 +117,7 @@ def judge(
     )
     grave = [name for name in undecided if name not in _HARMLESS]
     if grave:
-        missing = ["LiDAR"] if "lidar" in names and "lidar" not in told else []
-        missing += ["odometry in turns"] if "sweeps" in names else []
-        hint = f"; a bag with {' or '.join(missing)} would tell" if missing else ""
+        hint = f"; a bag with {' or '.join(would_tell)} would tell" if would_tell else ""
         sentence = f"the points fit as well {' or '.join(grave[:3])}{hint}; look at the pictures"
         return report(UNKNOWN, sentence, undecided)
     sentence = f"no turn of 90 degrees and no flip fits as well (judged by {', '.join(told)})"
@@ -142,14 +146,10 @@ def _how_much(gain: float) -> str:
 
 def yaw_off(recording: Recording, radar: Radar) -> tuple[float | None, float | None]:
     """By how many degrees a radar has to be turned to the left so that Doppler and odometry agree, and the error."""
-    if radar.is_over_ground:
-        return None, None
     axes = floor_axes(recording.views[0].frame.ground.or_assumed())
-    step = max(1, len(radar.sweeps) // _MOST_SWEEPS)
     found: list[float] = []
-    for sweep in radar.sweeps[::step]:
-        velocity = velocity_mps(recording, radar, sweep.stamp_ns)
-        own = own_motion(sweep.xyz_m, sweep.radial_speed_mps) if velocity is not None else None
+    for sweep, own in zip(radar.sweeps, radar.own_motions, strict=True):
+        velocity = velocity_mps(recording, radar, sweep.stamp_ns) if own is not None else None
         if velocity is None or own is None or np.linalg.norm(velocity) < _LEAST_SPEED_MPS:
             continue
         if abs(own.speed_mps - np.linalg.norm(velocity)) > 0.1 * np.linalg.norm(velocity):

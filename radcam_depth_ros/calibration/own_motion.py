@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import DoubleArray
 
 _TRIES = 80
+_LEAST_ANGLE = 0.02
 _AGREES_MPS = 0.5
 _SLOT = np.deg2rad(3.0)
 """What stands still is seen in many directions, a vehicle in few: directions count, not returns."""
@@ -62,20 +62,16 @@ def own_motion(xyz_m: FloatArray, radial_speed_mps: FloatArray) -> OwnMotion | N
     count = int(slots.max()) + 1
     if count < _FEWEST_DIRECTIONS:
         return None
-    best: npt.NDArray[np.bool_] | None = None
-    most = 0
-    rng = np.random.default_rng(len(sight))
-    for _ in range(_TRIES):
-        pair = rng.choice(len(sight), 2, replace=False)
-        plane = along[pair, :2]
-        if abs(np.linalg.det(plane)) < 0.02:
-            continue
-        velocity = -np.linalg.solve(plane, speed[pair])
-        agrees = np.abs(speed + along[:, :2] @ velocity) < _AGREES_MPS
-        directions = len(np.unique(slots[agrees]))
-        if directions > most:
-            best, most = agrees, directions
-    if best is None or most < max(_FEWEST_DIRECTIONS, _LEAST_SHARE * count):
+    pairs = np.random.default_rng(len(sight)).integers(0, len(sight), (_TRIES, 2))
+    pairs = pairs[np.abs(np.linalg.det(along[pairs, :2])) > _LEAST_ANGLE]
+    if not len(pairs):
+        return None
+    tried = -np.linalg.solve(along[pairs, :2], speed[pairs][..., None])[..., 0]
+    agreeing = np.abs(speed + tried @ along[:, :2].T) < _AGREES_MPS
+    in_slot = (slots[:, None] == np.arange(count)).astype(np.float32)
+    directions = (agreeing.astype(np.float32) @ in_slot > 0).sum(axis=1)
+    best = agreeing[int(directions.argmax())]
+    if directions.max() < max(_FEWEST_DIRECTIONS, _LEAST_SHARE * count):
         return None
     for _ in range(3):
         found = -np.linalg.lstsq(along[best], speed[best], rcond=None)[0]

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from radcam_depth_ros.calibration.evidence import seen_share, thinned
+from radcam_depth_ros.calibration.evidence import in_image, thinned
 from radcam_depth_ros.calibration.recording import Recording, View
 from radcam_depth_ros.evaluation.panels import FAR_M, NEAR_M, TILE_WIDTH, draw_radar
 from radcam_depth_ros.frame import FloatArray, GroundPlane, ImageArray
@@ -18,7 +18,8 @@ from radcam_depth_ros.resampling import rectify
 
 _ROAD_LINES_M = (10.0, 20.0, 40.0)
 _HALF_LANE_M = 1.75
-_MOST_DRAWN = 4000
+_MOST_DRAWN = 3000
+_LEAST_WIDTH = 640
 _BAR_PX, _TITLE_PX = 34, 24
 _BACKGROUND, _TEXT, _HORIZON, _ROAD = 24, (225, 225, 225), (255, 255, 255), (255, 0, 255)
 _TICKS_M = (2, 5, 10, 20, 40, 80)
@@ -36,7 +37,7 @@ def draw_view(recording: Recording, view: View) -> ImageArray:
     for radar, points_m in zip(recording.radars, view.radar_m, strict=True):
         tiles += _tile(radar.topic, "returns", image, view, radar.camera_from_radar.apply(points_m))
     if view.lidar_m is not None and recording.camera_from_lidar is not None:
-        points_m = recording.camera_from_lidar.apply(thinned(view.lidar_m, _MOST_DRAWN))
+        points_m = recording.camera_from_lidar.apply(view.lidar_m)
         tiles += _tile(recording.topics.lidar or "LiDAR", "points", image, view, points_m)
     tiles.append(_scale(tiles[0].shape[1], view.frame.ground))
     picture: ImageArray = np.concatenate(tiles)
@@ -46,10 +47,14 @@ def draw_view(recording: Recording, view: View) -> ImageArray:
 def _tile(topic: str, what: str, image: ImageArray, view: View, points_m: FloatArray) -> list[ImageArray]:
     camera = view.frame.camera
     uv, depth_m = project(points_m, camera)
-    canvas = draw_radar(image, uv, depth_m)
+    larger = max(1, round(_LEAST_WIDTH / camera.width))
+    seen = np.flatnonzero(in_image(points_m, camera))
+    seen = thinned(seen, _MOST_DRAWN)
+    enlarged = cv2.resize(image, None, fx=larger, fy=larger, interpolation=cv2.INTER_NEAREST)
+    canvas = draw_radar(np.asarray(enlarged, np.uint8), uv[seen] * np.float32(larger), depth_m[seen])
     _draw_road(canvas, view)
     title: Any = np.full((_TITLE_PX, canvas.shape[1], 3), _BACKGROUND, np.uint8)
-    share = seen_share(points_m, camera) if len(points_m) else 0.0
+    share = len(np.flatnonzero(in_image(points_m, camera))) / max(1, len(points_m))
     behind = float((depth_m <= 0).mean()) if len(points_m) else 0.0
     words = f"{topic}: {len(points_m)} {what}, {share:.0%} in the image, {behind:.0%} behind the camera"
     cv2.putText(title, words, (6, 17), _FONT, 0.45, _TEXT, 1, cv2.LINE_AA)

@@ -16,6 +16,7 @@ OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0
 """From x forward, y left, z up to x right, y down, z forward (REP 103)."""
 SMALL_TURNS_DEG = (-8.0, -4.0, -2.0, 2.0, 4.0, 8.0)
 _QUARTERS = (90, -90, 180)
+_SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -60,16 +61,25 @@ class Placement:
     """A way in which a sensor might be placed.
 
     Attributes:
-        name: In few words, as part of "when ...".
+        name: In few words, as in "the points fit better ...".
         pose: The place.
-        advice: What to do if this one is right.
+        why: What is wrong if this is the right one.
+        transform: The name of the transform or parameter.
         kind: "given", "coarse" or "small".
     """
 
     name: str
     pose: Pose
-    advice: str
+    why: str
+    transform: str
     kind: str = "coarse"
+
+    @property
+    def advice(self) -> str:
+        """What is wrong if this is the right one, and what to do."""
+        if self.pose.is_mirrored:
+            return self.why
+        return f"{self.why}; give {self.transform} {' '.join(map(str, self.pose.numbers))}"
 
 
 def alternatives(given: Pose, up: npt.NDArray[np.floating], transform: str) -> tuple[Placement, ...]:
@@ -80,16 +90,12 @@ def alternatives(given: Pose, up: npt.NDArray[np.floating], transform: str) -> t
         up: (3,) unit vector, the road's normal in the camera's axes.
         transform: The transform's name, such as `camera_from_radar`.
     """
-    placements = [Placement("as given", given, "", "given")]
-    seen = [given]
+    placements = [Placement("as given", given, "", transform, "given")]
 
     def add(name: str, pose: Pose, why: str, kind: str = "coarse") -> None:
         # The same place by another name; those that only shift are no other place either.
-        if any(np.allclose(pose.matrix, other.matrix, atol=1e-3) for other in seen):
-            return
-        seen.append(pose)
-        advice = why if pose.is_mirrored else f"{why}; give {transform} {' '.join(map(str, pose.numbers))}"
-        placements.append(Placement(name, pose, advice, kind))
+        if all(np.abs(pose.matrix - other.pose.matrix).max() > _SAME for other in placements):
+            placements.append(Placement(name, pose, why, transform, kind))
 
     def turned(matrix: DoubleArray) -> Pose:
         return Pose(given.matrix @ matrix, given.translation_m)

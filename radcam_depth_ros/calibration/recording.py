@@ -12,8 +12,9 @@ import numpy as np
 from radcam_depth_ros.bags import BagMessage, BagReader, header_stamp_ns
 from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.calibration.image_motion import ImageMotion
+from radcam_depth_ros.calibration.own_motion import OwnMotion, own_motion
 from radcam_depth_ros.calibration.placements import Pose
-from radcam_depth_ros.drive import DriveError, DriveSettings, prime
+from radcam_depth_ros.drive import DriveSettings, prime
 from radcam_depth_ros.frame import FloatArray, Frame, RadcamDepthError
 from radcam_depth_ros.geometry import GeometryError, RigidTransform
 from radcam_depth_ros.intake import Intake
@@ -57,12 +58,14 @@ class Radar:
         camera_from_radar: Its place as the bag or the settings tell it.
         sweeps: All of them, by time.
         is_over_ground: Its radial speeds are over ground already.
+        own_motions: How it moved at each sweep, by Doppler; None where that does not tell.
     """
 
     topic: str
     camera_from_radar: Pose
     sweeps: tuple[Sweep, ...]
     is_over_ground: bool
+    own_motions: tuple[OwnMotion | None, ...]
 
 
 @dataclass(frozen=True)
@@ -221,10 +224,7 @@ class _Reading:
         if not self._views:
             raise CalibrationError(f"no image of {self._reader.path} could be read; run `radcam-depth inspect`")
         frame_id = self._views[0][0].frame_id
-        radars = tuple(
-            Radar(topic, self._place(index, frame_id), tuple(self._sweeps[topic]), self._over_ground.get(topic, False))
-            for index, topic in enumerate(self._topics.radars)
-        )
+        radars = tuple(self._radar(index, frame_id) for index in range(len(self._topics.radars)))
         lidar = None
         if any(scans for _, scans in self._views):
             lidar_frame = next(decode_points(scans[0].message).frame_id for _, scans in self._views if scans)
@@ -250,11 +250,15 @@ class _Reading:
             self._image_motion,
         )
 
-    def _place(self, index: int, camera_frame: str) -> Pose:
+    def _radar(self, index: int, camera_frame: str) -> Radar:
         topic = self._topics.radars[index]
-        if topic not in self._radar_frames:
-            raise DriveError(f"no cloud came on {topic}; leave this radar out with --radar")
-        return Pose.of(self._intake.camera_from_radar(index, self._radar_frames[topic], camera_frame))
+        sweeps = tuple(self._sweeps[topic])
+        if not sweeps:
+            raise CalibrationError(f"no cloud came on {topic} in the {_LONGEST_S:g} s that are read; leave it out")
+        place = Pose.of(self._intake.camera_from_radar(index, self._radar_frames[topic], camera_frame))
+        is_over_ground = self._over_ground[topic]
+        own = (None if is_over_ground else own_motion(sweep.xyz_m, sweep.radial_speed_mps) for sweep in sweeps)
+        return Radar(topic, place, sweeps, is_over_ground, tuple(own))
 
     def _view(self, frame: Frame, scans: list[BagMessage], radars: tuple[Radar, ...]) -> View:
         radar_m = tuple(

@@ -18,7 +18,7 @@ class Fit:
         road: Share of the points that are not below the road, nor high above it.
         lidar: How near they are to the LiDAR's points seen from above, 1 on them, 0 at 2 m.
         doppler: Share of the standing returns whose Doppler is what the vehicle's motion makes of it.
-        sweeps: How near they are to those of other sweeps, moved by odometry.
+        sweeps: How much nearer they are to those of other sweeps, moved by odometry, than by chance.
     """
 
     name: str

@@ -15,7 +15,6 @@ _BLOCKS = 8
 _FEWEST = 20
 _LARGEST_ERROR_S = 0.06
 """A shift that is not known better than this is not told."""
-_SMALLEST_ERROR_S = 0.005
 _LEAST_CORRELATION = 0.6
 _GAP_S = 0.4
 _OUTLIER = 4.0
@@ -74,10 +73,15 @@ class Shift:
         return not self.problem
 
 
-def estimate_shift(late: Signal, reference: Signal) -> Shift:
+def estimate_shift(late: Signal, reference: Signal, least_error_s: float = 0.01) -> Shift:
     """By how much the times of one signal have to be shifted to fit another, which may differ by scale and offset.
 
     The shift of the highest correlation; its error is that of leaving out an eighth of the time at once (jackknife).
+
+    Args:
+        late: The signal that is shifted.
+        reference: The other one.
+        least_error_s: No error is less: leaving out parts does not show what is wrong all the time.
     """
     if min(len(late.times_s), len(reference.times_s)) < _FEWEST:
         return Shift(np.nan, np.nan, np.nan, "there are too few values")
@@ -96,13 +100,13 @@ def estimate_shift(late: Signal, reference: Signal) -> Shift:
     block = np.arange(len(values)) * _BLOCKS // len(values)
     left_out = np.array([_best(values[block != one], there[:, block != one], shifts)[0] for one in range(_BLOCKS)])
     error_s = float(np.sqrt((_BLOCKS - 1) / _BLOCKS * ((left_out - left_out.mean()) ** 2).sum()))
-    error_s = max(error_s, _SMALLEST_ERROR_S)
+    error_s = max(error_s, least_error_s)
     if not correlation >= _LEAST_CORRELATION:
         return Shift(best, error_s, correlation, "the two do not vary alike")
-    if abs(best) >= LARGEST_SHIFT_S - 1.5 * _STEP_S:
-        return Shift(best, error_s, correlation, f"the best fit is not within {LARGEST_SHIFT_S:g} s")
     if error_s > _LARGEST_ERROR_S:
-        return Shift(best, error_s, correlation, "it hardly varies")
+        return Shift(best, error_s, correlation, "they vary too little or too slowly")
+    if abs(best) >= LARGEST_SHIFT_S - 1.5 * _STEP_S:
+        return Shift(best, error_s, correlation, f"no shift within {LARGEST_SHIFT_S:g} s fits best")
     return Shift(best, error_s, correlation)
 
 
