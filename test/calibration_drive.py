@@ -82,9 +82,7 @@ def write_posts_drive(path: Path, drive: PostsDrive) -> Path:
         for time_s in np.arange(-0.6, drive.seconds + 0.6, 0.02):
             true_ns = START_NS + round(time_s * SECOND)
             stamp_ns = true_ns + round(drive.odometry_clock_s * SECOND)
-            reading = OdometryReading(
-                stamp_ns, "odom", "base_footprint", track.pose(time_s), np.zeros(3), np.zeros(3)
-            )
+            reading = OdometryReading(stamp_ns, "odom", "base_footprint", track.pose(time_s), np.zeros(3), np.zeros(3))
             events.append((true_ns, "/odom", encode_odometry(factory, reading)))
     links = [("camera", BASE_FROM_CAMERA), ("radar", BASE_FROM_RADAR), ("lidar", BASE_FROM_LIDAR)]
     stamped = [StampedTransform("base_footprint", name, START_NS, pose) for name, pose in links]
@@ -144,7 +142,7 @@ def _image(posts_m: FloatArray, tones: ImageArray) -> ImageArray:
 
 def _scan(posts_m: FloatArray, rng: np.random.Generator) -> np.ndarray:
     near = posts_m[np.linalg.norm(posts_m, axis=1) < 70.0]
-    bodies = np.concatenate([near + (0, 0, height) for height in (0.6, 1.2, 2.4)])
+    bodies = np.concatenate([near + np.array([0, 0, height]) for height in (0.6, 1.2, 2.4)])
     around, distance = np.meshgrid(np.linspace(-np.pi, np.pi, 60), [4.0, 7.0, 12.0])
     road = np.stack([distance * np.cos(around), distance * np.sin(around), np.full_like(distance, -1.8)], axis=-1)
     points = np.concatenate([bodies, road.reshape(-1, 3)])
@@ -164,7 +162,11 @@ def _sweep(
     speed = rng.normal(0, 0.1, len(there)) - (0.0 if drive.over_ground else 1.0) * (sight @ velocity)
     columns = _columns(there + rng.normal(0, 0.1, there.shape))
     if drive.over_ground:
-        return {**columns, "vx_comp": (speed * sight[:, 0]).astype(np.float32), "vy_comp": (speed * sight[:, 1]).astype(np.float32)}
+        return {
+            **columns,
+            "vx_comp": (speed * sight[:, 0]).astype(np.float32),
+            "vy_comp": (speed * sight[:, 1]).astype(np.float32),
+        }
     return {**columns, "velocity": speed.astype(np.float32)}
 
 

@@ -17,8 +17,8 @@ from radcam_depth_ros.geometry import DoubleArray, RigidTransform, project
 from radcam_depth_ros.motion import MotionError, displacement
 
 PARTS = ("view", "road", "lidar", "doppler", "sweeps")
-"""What is looked at: in the image's view, not below the road, near the LiDAR's points, the Doppler as the vehicle's motion
-has it, and earlier and later sweeps at the same place."""
+"""What is looked at: in the image, not below the road, near the LiDAR's points, the Doppler as the vehicle's motion has
+it, and earlier and later sweeps at the same place."""
 _SECOND = 1_000_000_000
 _LATE_NS = 150_000_000
 _MOST_POINTS = 500
@@ -68,7 +68,7 @@ class Floor:
         self, points_m: npt.NDArray[np.floating]
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
         places = np.floor(points_m @ self._axes.T / _CELL_M + _CELLS / 2).astype(np.intp)
-        inside = ((places >= 0) & (places < _CELLS)).all(axis=1)
+        inside: npt.NDArray[np.bool_] = np.all((places >= 0) & (places < _CELLS), axis=1)
         return places[:, 0], places[:, 1], inside
 
 
@@ -150,9 +150,7 @@ class Evidence:
     def __init__(self, recording: Recording, index: int, *, with_lidar: bool = True) -> None:
         self._recording, self._radar = recording, recording.radars[index]
         self._looks = [
-            look
-            for view in recording.views
-            if (look := self._look(view, index, with_lidar=with_lidar)) is not None
+            look for view in recording.views if (look := self._look(view, index, with_lidar=with_lidar)) is not None
         ]
 
     def __len__(self) -> int:
@@ -237,7 +235,8 @@ def velocity_mps(recording: Recording, radar: Radar, stamp_ns: int) -> DoubleArr
 def upright(points_m: FloatArray, ground: GroundPlane) -> FloatArray:
     """The points (N, 3) that are no road and no bridge."""
     height_m = points_m @ np.asarray(ground.up) + ground.height_m
-    return points_m[(height_m > _UPRIGHT_M[0]) & (height_m < _UPRIGHT_M[1])]
+    kept: FloatArray = points_m[(height_m > _UPRIGHT_M[0]) & (height_m < _UPRIGHT_M[1])]
+    return kept
 
 
 def thinned(points: npt.NDArray[ValueT], most: int) -> npt.NDArray[ValueT]:

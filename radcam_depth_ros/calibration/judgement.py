@@ -51,13 +51,13 @@ def judge_radar(recording: Recording, index: int, evidence: Evidence, placements
     would_tell = () if recording.camera_from_lidar is not None else ("LiDAR",)
     would_tell = (*would_tell, "odometry in turns")
     report = judge(radar.topic, placements, evidence.parts(placements), points, PARTS, would_tell)
-    if report.verdict != SUSPECT and yaw_deg is not None and yaw_error_deg is not None:
-        if abs(yaw_deg) > max(_YAW_SUSPECT_DEG, _CERTAIN * yaw_error_deg):
-            sentence = (
-                f"by Doppler and odometry the radar has to be turned by {abs(yaw_deg):.1f} degrees to the "
-                f"{'left' if yaw_deg > 0 else 'right'} (+- {yaw_error_deg:.1f}); correct its transform by that"
-            )
-            report = dataclasses.replace(report, verdict=SUSPECT, sentence=sentence)
+    least_deg = math.inf if yaw_error_deg is None else max(_YAW_SUSPECT_DEG, _CERTAIN * yaw_error_deg)
+    if report.verdict != SUSPECT and yaw_deg is not None and abs(yaw_deg) > least_deg:
+        sentence = (
+            f"by Doppler and odometry the radar has to be turned by {abs(yaw_deg):.1f} degrees to the "
+            f"{'left' if yaw_deg > 0 else 'right'} (+- {yaw_error_deg:.1f}); correct its transform by that"
+        )
+        report = dataclasses.replace(report, verdict=SUSPECT, sentence=sentence)
     return dataclasses.replace(report, yaw_off_deg=yaw_deg, yaw_error_deg=yaw_error_deg)
 
 

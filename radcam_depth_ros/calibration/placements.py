@@ -43,7 +43,7 @@ class Pose:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """x y z qx qy qz qw, as the parameter `camera_from_radar` takes it; of one that mirrors nothing."""
+        """Position and quaternion, x y z qx qy qz qw, as the node takes them; of a pose that mirrors nothing."""
         values = (*self.translation_m.tolist(), *RigidTransform(self.matrix, self.translation_m).quaternion)
         return tuple(round(value, 4) + 0.0 for value in values)
 
@@ -128,11 +128,12 @@ def alternatives(given: Pose, up: npt.NDArray[np.floating], transform: str) -> t
                 turned(_about(np.eye(3)[axis], degrees)),
                 f"{transform} seems to be off by a turn of {abs(degrees)} degrees about {letter}",
             )
-    for order, signs in itertools.product(itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)):
+    some_signs = itertools.product((1.0, -1.0), repeat=3)
+    for order, chosen in itertools.product(itertools.permutations(range(3)), some_signs):
         matrix = np.zeros((3, 3))
-        matrix[range(3), order] = signs
+        matrix[range(3), order] = chosen
         if np.linalg.det(matrix) > 0:
-            axes = ", ".join("-"[: int(sign < 0)] + "xyz"[place] for place, sign in zip(order, signs, strict=True))
+            axes = ", ".join("-"[: int(sign < 0)] + "xyz"[place] for place, sign in zip(order, chosen, strict=True))
             add(f"with {axes} for the sensor's x, y, z", turned(matrix), f"{transform} seems to mix up the axes")
     for degrees_small in SMALL_TURNS_DEG:
         direction = "left" if degrees_small > 0 else "right"

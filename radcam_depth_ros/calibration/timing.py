@@ -95,8 +95,8 @@ def _judge(recording: Recording, radar: Radar, offset_s: float, steps: Sequence[
     value, rounded_error = round(offset_s + seconds, 3), round(error_s, 3)
     if abs(seconds) > max(_SUSPECT_S, _CERTAIN * error_s):
         sentence = (
-            f"its stamps are {abs(seconds):.3f} s too {'late' if seconds < 0 else 'early'} (+- {error_s:.3f}){assumed}; "
-            f"set radar_time_offset_s: {value:g}"
+            f"its stamps are {abs(seconds):.3f} s too {'late' if seconds < 0 else 'early'} (+- {error_s:.3f})"
+            f"{assumed}; set radar_time_offset_s: {value:g}"
         )
         return TimeReport(radar.topic, SUSPECT, sentence, value, rounded_error, tuple(facts))
     sentence = f"its stamps fit the camera's: {seconds:+.3f} s (+- {error_s:.3f}){assumed}"

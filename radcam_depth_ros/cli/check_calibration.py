@@ -13,9 +13,11 @@ from rich.table import Table
 from radcam_depth_ros.cli.options import Bag, ImageOption, JsonOption, RadarOption, progress_bar, write_json
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.calibration import Report
+    from radcam_depth_ros.calibration import Report, SensorReport
 
 _SUSPECT_EXIT = 1
+_COLUMNS = ("score", "view", "road", "lidar", "doppler", "sweeps")
+_ALTERNATIVES = 4
 _STYLES = {"OK": "green", "SUSPECT": "bold red", "UNKNOWN": "yellow"}
 
 
@@ -91,20 +93,15 @@ def _numbers(text: str | None) -> tuple[float, ...]:
 
 def _print(report: Report) -> None:
     console = Console()
-    places = Table(title=f"{report.bag}: {report.verdict}", title_justify="left", caption_justify="left")
-    places.caption = (
-        "score: 1 where no other place fits better in anything; view: share in the image; road: not below it; lidar: "
-        "near its points; doppler: as odometry has it; sweeps: at one place before and after"
-    )
-    columns = ("score", "view", "road", "lidar", "doppler", "sweeps")
-    for name in ("sensor", "placed", *columns):
-        places.add_column(name, overflow="fold")
+    console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
+    console.print(report.verdict, style=_STYLES[report.verdict])
     for sensor in report.sensors:
-        for fit in (*((sensor.given,) if sensor.given else ()), *sensor.alternatives[:3]):
-            figures = ("" if (value := getattr(fit, name)) is None else f"{value:.2f}" for name in columns)
-            places.add_row(sensor.topic, fit.name, *figures)
-        places.add_section()
-    console.print(places)
+        console.print(_places(sensor))
+    console.print(
+        "score: 1 where no other place fits better in anything; view: share in the image; road: share not below it; "
+        "lidar: near its points; doppler: as odometry has it; sweeps: at one place before and after",
+        style="dim",
+    )
     for sensor in report.sensors:
         _tell(console, sensor.verdict, f"{sensor.topic}, place: {sensor.sentence}")
     for time in report.times:
@@ -113,6 +110,17 @@ def _print(report: Report) -> None:
         console.print("the road is assumed 1.4 m below a level camera; --camera-height tells it", markup=False)
     if report.seconds_read < report.seconds:
         console.print(f"only the first {report.seconds_read:.0f} of {report.seconds:.0f} s were read", markup=False)
+
+
+def _places(sensor: SensorReport) -> Table:
+    table = Table(title=f"{sensor.topic}: {sensor.verdict}", title_justify="left")
+    table.add_column("placed", overflow="fold")
+    for name in _COLUMNS:
+        table.add_column(name, no_wrap=True)
+    for fit in (*((sensor.given,) if sensor.given else ()), *sensor.alternatives[:_ALTERNATIVES]):
+        figures = ("" if (value := getattr(fit, name)) is None else f"{value:.2f}" for name in _COLUMNS)
+        table.add_row(fit.name, *figures)
+    return table
 
 
 def _tell(console: Console, verdict: str, sentence: str) -> None:

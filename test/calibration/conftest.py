@@ -17,7 +17,7 @@ FRAMES = 4
 @pytest.fixture(scope="session")
 def posts_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Past posts, with braking and turns, LiDAR and odometry."""
-    return write_posts_drive(tmp_path_factory.mktemp("posts") / "drive.mcap", PostsDrive(seconds=7.0))
+    return write_posts_drive(tmp_path_factory.mktemp("posts") / "drive.mcap", PostsDrive(seconds=6.0))
 
 
 @pytest.fixture(scope="session")
@@ -30,12 +30,12 @@ def posts(posts_bag: Path) -> Recording:
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """Key frames of a simulated street: a 4D radar and a LiDAR, no motion."""
     config = simulation.SimulationConfig(
-        world=simulation.WorldConfig(street=simulation.StreetKind.TOWN, view_m=100.0),
+        world=simulation.WorldConfig(street=simulation.StreetKind.RURAL, traffic=0.0, people=0.0, view_m=100.0),
         camera=simulation.CameraConfig(
-            width=160,
-            height=96,
-            min_focal_length_px=126.0,
-            max_focal_length_px=126.0,
+            width=96,
+            height=64,
+            min_focal_length_px=76.0,
+            max_focal_length_px=76.0,
             rate_hz=2.0,
             depth=False,
             classes=False,
@@ -43,7 +43,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Recording:
         ),
         radar=simulation.RadarConfig(enabled=False),
         imaging_radar=simulation.ImagingRadarConfig(max_points=1500),
-        lidar=simulation.LidarConfig(unit=simulation.LidarUnit.VLP_16, columns=400),
+        lidar=simulation.LidarConfig(unit=simulation.LidarUnit.VLP_16, columns=300),
         key_frames=True,
     )
     path = tmp_path_factory.mktemp("simulated") / "drive.mcap"

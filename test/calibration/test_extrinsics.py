@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -17,15 +16,13 @@ UP = np.array([0.0, -1.0, 0.0])
 TRUE = Pose.of(CAMERA_FROM_RADAR)
 
 
-def turns() -> list[np.ndarray]:
-    """The 23 turns by multiples of 90 degrees that change something."""
-    found = []
-    for order, signs in itertools.product(itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)):
-        matrix = np.zeros((3, 3))
-        matrix[range(3), order] = signs
-        if np.linalg.det(matrix) > 0 and not np.array_equal(matrix, np.eye(3)):
-            found.append(matrix)
-    return found
+def turn(axis: int, quarters: int) -> np.ndarray:
+    """A turn by so many times 90 degrees about x, y or z."""
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = 0.0
+    matrix[second, first], matrix[first, second] = 1.0, -1.0
+    return np.linalg.matrix_power(matrix, quarters)
 
 
 def flip(axis: int) -> np.ndarray:
@@ -36,7 +33,9 @@ def placed(recording: Recording, pose: Pose) -> tuple[Recording, tuple[Placement
     """The recording with its radar placed so, and what is compared with that."""
     radar = dataclasses.replace(recording.radars[0], camera_from_radar=pose)
     ground = recording.views[0].frame.ground.or_assumed()
-    return dataclasses.replace(recording, radars=(radar,)), alternatives(pose, np.asarray(ground.up), "camera_from_radar")
+    return dataclasses.replace(recording, radars=(radar,)), alternatives(
+        pose, np.asarray(ground.up), "camera_from_radar"
+    )
 
 
 def report_of(recording: Recording, pose: Pose, *, with_lidar: bool = True) -> SensorReport:
@@ -70,12 +69,13 @@ def test_right_extrinsics_are_ok(posts: Recording, simulated: Recording) -> None
         assert (report.verdict, report.images) == ("OK", len(recording.views)), report.sentence
         assert report.given is not None
         assert report.given.score > 0.95
-    assert report_of(without_lidar(posts), TRUE).verdict == "OK"
+    assert report_of(quick(without_lidar(posts)), TRUE).verdict == "OK"
 
 
-@pytest.mark.parametrize("turn", turns(), ids=lambda turn: str(np.argmax(np.abs(turn), axis=1) * turn.sum(axis=1)))
-def test_every_turn_of_90_degrees_is_caught_and_undone(posts: Recording, turn: np.ndarray) -> None:
-    wrong = Pose(TRUE.matrix @ turn.T, TRUE.translation_m)
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_every_turn_of_90_degrees_is_caught_and_undone(posts: Recording, axis: int, quarters: int) -> None:
+    wrong = Pose(TRUE.matrix @ turn(axis, quarters), TRUE.translation_m)
     report = report_of(quick(posts), wrong)
     assert report.verdict == "SUSPECT", report.sentence
     # Up and down are told apart least; the rest has to be right.
@@ -89,29 +89,27 @@ def test_a_flipped_axis_is_caught_and_named(posts: Recording, axis: int) -> None
     assert f"with {'xyz'[axis]} flipped" in report.sentence
 
 
-def test_the_usual_mistakes_are_named(posts: Recording, simulated: Recording) -> None:
-    for recording in (quick(posts), simulated):
-        true = recording.radars[0].camera_from_radar
-        inverse = report_of(recording, true.inverse())
-        assert (inverse.verdict, "inverse" in inverse.sentence) == ("SUSPECT", True), inverse.sentence
-        body = Pose(OPTICAL_FROM_BODY.T @ true.matrix, OPTICAL_FROM_BODY.T @ true.translation_m)
-        lacking = report_of(recording, body)
-        assert lacking.verdict == "SUSPECT"
-        assert "lack the turn from x forward" in lacking.sentence
-        assert f"give camera_from_radar {' '.join(map(str, true.numbers))}" in lacking.sentence
+def test_the_usual_mistakes_are_named(posts: Recording) -> None:
+    recording = quick(posts)
+    inverse = report_of(recording, TRUE.inverse())
+    assert (inverse.verdict, "inverse" in inverse.sentence) == ("SUSPECT", True), inverse.sentence
+    body = Pose(OPTICAL_FROM_BODY.T @ TRUE.matrix, OPTICAL_FROM_BODY.T @ TRUE.translation_m)
+    lacking = report_of(recording, body)
+    assert lacking.verdict == "SUSPECT"
+    assert "lack the turn from x forward" in lacking.sentence
+    assert f"give camera_from_radar {' '.join(map(str, TRUE.numbers))}" in lacking.sentence
 
 
 def test_simulated_errors_are_caught(simulated: Recording) -> None:
     true = simulated.radars[0].camera_from_radar
-    wrong = (flip(0), flip(1), *(turn for turn in turns() if np.trace(turn) > 0.5))
-    for matrix in wrong:
+    for matrix in (flip(1), turn(1, 1), turn(2, 1), true.matrix.T):
         report = report_of(simulated, Pose(true.matrix @ matrix, true.translation_m))
         assert report.verdict == "SUSPECT", report.sentence
 
 
 def test_without_lidar_doppler_and_turns_of_the_vehicle_tell(posts: Recording) -> None:
     blind = quick(without_lidar(posts))
-    for matrix in (flip(0), *turns()[::8]):
+    for matrix in (flip(0), turn(0, 1), turn(2, 3)):
         assert report_of(blind, Pose(TRUE.matrix @ matrix, TRUE.translation_m)).verdict == "SUSPECT"
 
 
@@ -138,7 +136,7 @@ def test_too_few_returns_are_unknown(posts: Recording) -> None:
     assert (report.verdict, report.given) == ("UNKNOWN", None)
 
 
-@pytest.mark.parametrize("matrix", [np.eye(3), flip(1), turns()[5], OPTICAL_FROM_BODY])
+@pytest.mark.parametrize("matrix", [np.eye(3), flip(1), turn(2, 1)])
 def test_the_lidar_is_judged_by_the_road_and_the_radar(posts: Recording, matrix: np.ndarray) -> None:
     true = Pose.of(CAMERA_FROM_LIDAR)
     given = Pose(true.matrix @ matrix, true.translation_m)

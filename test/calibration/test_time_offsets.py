@@ -16,9 +16,7 @@ from radcam_depth_ros.motion import Motion
 def late(recording: Recording, late_s: float, **changes: object) -> Recording:
     """The recording with a radar whose stamps are so much later."""
     (radar,) = recording.radars
-    sweeps = tuple(
-        dataclasses.replace(sweep, stamp_ns=sweep.stamp_ns + round(late_s * 1e9)) for sweep in radar.sweeps
-    )
+    sweeps = tuple(dataclasses.replace(sweep, stamp_ns=sweep.stamp_ns + round(late_s * 1e9)) for sweep in radar.sweeps)
     changed = dataclasses.replace(radar, sweeps=sweeps, **changes)  # type: ignore[arg-type]  # as the caller has it
     return dataclasses.replace(recording, radars=(changed,))
 
