@@ -200,6 +200,32 @@ class Intake:
         self._ready.clear()
         return frames
 
+    def camera_from_radar(self, index: int, radar_frame: str, camera_frame: str) -> RigidTransform:
+        """Where a radar is, from the config or the transform tree.
+
+        Args:
+            index: The radar's place in `config.radars`.
+            radar_frame: The frame of its clouds; the config's is taken where it is empty.
+            camera_frame: The camera's frame.
+
+        Raises:
+            RadcamDepthError: when nobody tells.
+        """
+        if self._fixed_extrinsics:
+            return self._fixed_extrinsics[index]
+        frame = radar_frame or self._radar_frames[index]
+        if not frame:
+            raise IntakeError(
+                f"the clouds on {self.config.radars[index]!r} have an empty frame_id; set it in the driver, or set the "
+                "parameter radar_frame"
+            )
+        if not self.transforms.can_transform(camera_frame, frame) and not self.transforms.frames:
+            raise IntakeError(
+                f"no transform from {frame!r} to {camera_frame!r}: nothing came on /tf_static; publish it, or set the "
+                "parameter camera_from_radar (x y z qx qy qz qw)"
+            )
+        return self.transforms.lookup(camera_frame, frame)
+
     def _new_motion(self, camera_frame: str) -> Motion:
         config = self.config
         return Motion(
@@ -301,7 +327,7 @@ class Intake:
         if motion is None:
             raise MotionError("the images have no frame_id that /tf could place")
         returns = self._in_camera(index, sweep, camera_frame, offset_s)
-        radar_m = self._camera_from_radar(index, sweep.frame_id, camera_frame).translation
+        radar_m = self.camera_from_radar(index, sweep.frame_id, camera_frame).translation
         base_from_camera = self.transforms.lookup(motion.base_frame or camera_frame, camera_frame)
         sweep_ns = image_ns + round(offset_s * _SECOND)
         how = displacement(motion, base_from_camera, radar_m, sweep_ns, image_ns)
@@ -310,24 +336,8 @@ class Intake:
     def _in_camera(self, index: int, sweep: RadarReading, camera_frame: str, offset_s: float) -> RadarReturns:
         returns = sweep.returns
         age_s = np.full(len(returns), -offset_s, np.float32)
-        camera_from_radar = self._camera_from_radar(index, sweep.frame_id, camera_frame)
+        camera_from_radar = self.camera_from_radar(index, sweep.frame_id, camera_frame)
         return RadarReturns(camera_from_radar.apply(returns.xyz_m), returns.rcs_dbsm, returns.radial_speed_mps, age_s)
-
-    def _camera_from_radar(self, index: int, radar_frame: str, camera_frame: str) -> RigidTransform:
-        if self._fixed_extrinsics:
-            return self._fixed_extrinsics[index]
-        frame = radar_frame or self._radar_frames[index]
-        if not frame:
-            raise IntakeError(
-                f"the clouds on {self.config.radars[index]!r} have an empty frame_id; set it in the driver, or set the "
-                "parameter radar_frame"
-            )
-        if not self.transforms.can_transform(camera_frame, frame) and not self.transforms.frames:
-            raise IntakeError(
-                f"no transform from {frame!r} to {camera_frame!r}: nothing came on /tf_static; publish it, or set the "
-                "parameter camera_from_radar (x y z qx qy qz qw)"
-            )
-        return self.transforms.lookup(camera_frame, frame)
 
     def _ground(self, camera_frame: str) -> GroundPlane:
         if self.config.camera_height_m > 0:
