@@ -20,6 +20,10 @@ _SMALL_MARGIN = 0.04
 _CERTAIN = 3.0
 """A difference counts when it is so many times its standard error over the images."""
 _LEAST_PART = 0.1
+_WEAK = ("view", "road")
+"""Slopes, and returns that are missing on one side, change these as well."""
+_WITNESS, _WEAK_WITNESS = 0.1, 0.2
+"""One of the parts has to gain so much for a turn of 90 degrees or a flip to be called better."""
 _FEWEST_IMAGES = 3
 _SHOWN = 5
 _YAW_SUSPECT_DEG = 2.0
@@ -93,7 +97,7 @@ def judge(
     def report(verdict: str, sentence: str, undecided: tuple[str, ...] = ()) -> SensorReport:
         return SensorReport(topic, verdict, sentence, images, points, fits[0], alternatives, undecided)
 
-    best = _better(placements, scores, means)
+    best = _better(placements, scores, parts, names)
     if best is not None:
         # The simplest mistake of those that fit alike.
         alike = [
@@ -124,19 +128,27 @@ def judge(
     return report(OK, sentence, undecided)
 
 
-def _better(placements: Sequence[Placement], scores: DoubleArray, means: DoubleArray) -> int | None:
+def _better(
+    placements: Sequence[Placement], scores: DoubleArray, parts: DoubleArray, names: Sequence[str]
+) -> int | None:
     """The place that fits clearly better than the given one; None where none does."""
-    found: int | None = None
+    is_weak = np.isin(names, _WEAK)
+    # A small turn brings a few more returns into the image, or above the road, where none is needed.
+    small_scores = scores_of(np.where(is_weak, np.nan, parts))
+    shares = _mean(parts, 1)
+    found, most = None, 0.0
     for place in range(1, len(placements)):
-        margin = MARGIN if placements[place].kind == "coarse" else _SMALL_MARGIN
-        gain = scores[place] - scores[0]
+        is_small = placements[place].kind == "small"
+        judged = small_scores if is_small else scores
+        gain = judged[place] - judged[0]
         gain = gain[np.isfinite(gain)]
-        if len(gain) < 2 or gain.mean() <= margin:
+        if len(gain) < 2 or gain.mean() <= (_SMALL_MARGIN if is_small else MARGIN):
             continue
         if gain.mean() < _CERTAIN * gain.std(ddof=1) / math.sqrt(len(gain)):
             continue
-        if found is None or means[place] > means[found] + 1e-9:
-            found = place
+        witness = shares[place] - shares[0] > np.where(is_weak, _WEAK_WITNESS, _WITNESS)
+        if (is_small or witness.any()) and gain.mean() > most + 1e-9:
+            found, most = place, float(gain.mean())
     return found
 
 
