@@ -153,6 +153,11 @@ class Intake:
         """What was paired so far."""
         return self._pairer.counts
 
+    @property
+    def offsets_s(self) -> dict[str, tuple[float, ...]]:
+        """Of each radar, the last sweeps that were taken: their stamp, corrected, minus the image's, seconds."""
+        return dict(zip(self.config.radars, self._pairer.offsets_s, strict=True))
+
     def accept(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
         """Takes one message.
 

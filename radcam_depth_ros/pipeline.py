@@ -99,7 +99,7 @@ class DepthMessages:
 class Pipeline(Intake):
     """Messages in, depth messages out.
 
-    Not for several threads at once, with one exception: `process` may run in one thread while another calls the rest.
+    Not for several threads at once, with one exception: `process` or its halves may run in one thread while another calls the rest.
 
     Args:
         config: What to read and how to write.
@@ -131,8 +131,19 @@ class Pipeline(Intake):
         Raises:
             RadcamDepthError: when the network cannot be given this frame.
         """
-        result = self._estimator.estimate(frame, classes=classes)
-        return self.encode(frame, result, preview=preview, points=points)
+        return self.encode(frame, self.estimate(frame, classes=classes), preview=preview, points=points)
+
+    def estimate(self, frame: Frame, *, classes: bool = False) -> DepthResult:
+        """Estimates a frame's depth: the first half of `process`, which `encode` follows.
+
+        Args:
+            frame: From `accept`, `expire` or `flush`.
+            classes: Whether to make the class image, where the network tells.
+
+        Raises:
+            RadcamDepthError: when the network cannot be given this frame.
+        """
+        return self._estimator.estimate(frame, classes=classes)
 
     def encode(
         self, frame: Frame, result: DepthResult, *, preview: bool = False, points: bool = False

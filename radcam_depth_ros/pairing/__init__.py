@@ -1,5 +1,6 @@
 """Pairing: each image with its nearest radar sweeps."""
 
+from radcam_depth_ros.pairing.clocks import CLOCK_CERTAIN_S, CLOCK_WARNING_S, clock_warning
 from radcam_depth_ros.pairing.pairer import Pairer
 from radcam_depth_ros.pairing.values import (
     MAX_SWEEPS,
@@ -13,6 +14,8 @@ from radcam_depth_ros.pairing.values import (
 )
 
 __all__ = [
+    "CLOCK_CERTAIN_S",
+    "CLOCK_WARNING_S",
     "MAX_SWEEPS",
     "EarlierSweep",
     "Pair",
@@ -21,5 +24,6 @@ __all__ = [
     "PairingCounts",
     "PairingError",
     "RadarCounts",
+    "clock_warning",
     "for_each_radar",
 ]

@@ -23,6 +23,7 @@ from radcam_depth_ros.pairing.values import (
 
 _SECOND = 1_000_000_000
 _MIN_JUMP_NS = _SECOND // 10
+_OFFSETS_KEPT = 256
 _IMAGES_KEPT = 64
 """So many images wait at most; so many are remembered to recognise duplicates and sweeps that come late."""
 
@@ -90,6 +91,7 @@ class Pairer(Generic[ImageT, SweepT]):
         self._now_ns: int | None = None
         self._images: Counter[str] = Counter()
         self._of_radar: tuple[Counter[str], ...] = tuple(Counter() for _ in radars)
+        self._offsets_s: tuple[deque[float], ...] = tuple(deque(maxlen=_OFFSETS_KEPT) for _ in radars)
 
     @property
     def counts(self) -> PairingCounts:
@@ -108,6 +110,11 @@ class Pairer(Generic[ImageT, SweepT]):
                 for name, count in zip(self._radars, self._of_radar, strict=True)
             ),
         )
+
+    @property
+    def offsets_s(self) -> tuple[tuple[float, ...], ...]:
+        """Of each radar, the last sweeps that were taken: stamp with `radar_time_offset_s` minus the image's, seconds."""
+        return tuple(tuple(offsets_s) for offsets_s in self._offsets_s)
 
     @property
     def resets(self) -> int:
@@ -183,8 +190,11 @@ class Pairer(Generic[ImageT, SweepT]):
 
     def _pair(self, waiting: _Waiting[ImageT]) -> Pair[ImageT, SweepT]:
         found = [sweeps.nearest(waiting.time_ns) for sweeps in self._sweeps]
-        for item, count in zip(found, self._of_radar, strict=True):
-            count["paired"] += item is not None
+        offsets_s = tuple(None if item is None else (item[0] - waiting.time_ns) / _SECOND for item in found)
+        for offset_s, count, kept_s in zip(offsets_s, self._of_radar, self._offsets_s, strict=True):
+            if offset_s is not None:
+                count["paired"] += 1
+                kept_s.append(offset_s)
         self._images["released"] += 1
         self._images["paired"] += any(item is not None for item in found)
         self._images["overtaken"] += any(
@@ -195,7 +205,7 @@ class Pairer(Generic[ImageT, SweepT]):
             waiting.stamp_ns,
             waiting.image,
             tuple(None if item is None else item[1] for item in found),
-            tuple(None if item is None else (item[0] - waiting.time_ns) / _SECOND for item in found),
+            offsets_s,
             tuple(
                 () if item is None else self._earlier(sweeps, item[0], waiting.time_ns)
                 for sweeps, item in zip(self._sweeps, found, strict=True)
