@@ -155,7 +155,7 @@ class Intake:
 
     @property
     def offsets_s(self) -> dict[str, tuple[float, ...]]:
-        """Of each radar, the last sweeps that were taken: their stamp, corrected, minus the image's, seconds."""
+        """Of each radar: stamps of the last sweeps that were taken, corrected, minus the images', seconds."""
         return dict(zip(self.config.radars, self._pairer.offsets_s, strict=True))
 
     def accept(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:

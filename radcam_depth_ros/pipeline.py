@@ -99,7 +99,8 @@ class DepthMessages:
 class Pipeline(Intake):
     """Messages in, depth messages out.
 
-    Not for several threads at once, with one exception: `process` or its halves may run in one thread while another calls the rest.
+    Not for several threads at once, with one exception: `process`, or `estimate` and `encode`, may run in one thread
+    while another calls the rest.
 
     Args:
         config: What to read and how to write.

@@ -23,8 +23,10 @@ from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
 from radcam_depth_ros.node.factory import build_message, message_class
 from radcam_depth_ros.node.health import Level, Problems
 from radcam_depth_ros.node.inputs import Inputs, find_inputs
+from radcam_depth_ros.node.latency import LatencyTopics
 from radcam_depth_ros.node.outputs import Outputs
 from radcam_depth_ros.node.session import Session
+from radcam_depth_ros.node.vitals import Vitals
 from radcam_depth_ros.parameters import NodeConfig, Parameters
 from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
 
@@ -55,7 +57,9 @@ class RadcamDepthNode(LifecycleNode):
         self._inputs: Inputs | None = None
         self._estimator: Estimator | None = None
         self._outputs: Outputs | None = None
+        self._latency_topics: LatencyTopics | None = None
         self._session: Session | None = None
+        self._vitals: Vitals | None = None
         self._diagnostics = Diagnostics(self, self._problems)
         self._diagnostics_publisher = self.create_publisher(
             message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", 10
@@ -85,21 +89,21 @@ class RadcamDepthNode(LifecycleNode):
         self._problems.settle_all()
         if not self._take_up("the node cannot be activated"):
             return TransitionCallbackReturn.FAILURE
-        if self._inputs is None or self._outputs is None:
+        inputs, outputs, latency_topics = self._inputs, self._outputs, self._latency_topics
+        if inputs is None or outputs is None or latency_topics is None:
             return TransitionCallbackReturn.ERROR
         try:
-            self._session = Session(self, self._new_pipeline(), self._inputs, self._outputs, self._problems)
+            self._session = Session(self, self._new_pipeline(), inputs, outputs, latency_topics, self._problems)
         except Exception as error:  # the boundary, as above
             self._problems.report("output", Level.ERROR, f"the node cannot be activated: {_sentence(error)}")
             return TransitionCallbackReturn.FAILURE
+        self._vitals = Vitals(self, self._session, outputs, self._problems)
         self._phase = "active"
         self._settings.frozen_because = (
             "parameters are set while the node is not active: deactivate it first, then activate it again"
         )
-        self._report_transform_messages(self._inputs)
-        self._log(
-            Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in self._inputs)}"
-        )
+        self._report_transform_messages(inputs)
+        self._log(Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in inputs)}")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -151,6 +155,8 @@ class RadcamDepthNode(LifecycleNode):
             inputs = find_inputs(self, config)
             if self._outputs is None:
                 self._outputs = Outputs(self, lambda sentence: self._problems.report("output", Level.WARN, sentence))
+            if self._latency_topics is None:
+                self._latency_topics = LatencyTopics(self)
             part = "model"
             if estimator is None or before is None or config.estimator != before.estimator:
                 estimator = self._load(config.estimator, before.estimator if before else None)
@@ -188,7 +194,7 @@ class RadcamDepthNode(LifecycleNode):
         return self._estimator.describe() if self._estimator else ""
 
     def _end_session(self, timeout_s: float) -> None:
-        session, self._session = self._session, None
+        session, self._session, self._vitals = self._session, None, None
         if session is not None and not session.close(timeout_s):
             self._log(Level.WARN, f"the network is still busy after {timeout_s:g} s; it is left to itself")
 
@@ -196,7 +202,9 @@ class RadcamDepthNode(LifecycleNode):
         self._end_session(CLOSE_S)
         if self._outputs is not None:
             self._outputs.destroy()
-        self._outputs = self._estimator = self._config = self._inputs = None
+        if self._latency_topics is not None:
+            self._latency_topics.destroy()
+        self._outputs = self._latency_topics = self._estimator = self._config = self._inputs = None
         give_back_memory()
         self._settings.frozen_because = ""
         self._phase = "unconfigured"
@@ -221,11 +229,10 @@ class RadcamDepthNode(LifecycleNode):
 
     def _on_tick(self) -> None:
         try:
-            snapshot = Snapshot(self._phase, self._model(), self._session, self._outputs)
-            news = self._diagnostics.watch(self._session) if self._session else ""
+            statuses = self._diagnostics.statuses(Snapshot(self._phase, self._model(), self._vitals))
+            news = self._vitals.watchdog.news() if self._vitals else ""
             if news:
                 self._log(Level.WARN, news)
-            statuses = self._diagnostics.statuses(snapshot)
             self._diagnostics_publisher.publish(self._diagnostics.message(statuses, build_message))
         except Exception as error:  # the boundary: what tells of problems must not be one
             self._log(Level.ERROR, f"no diagnostics: {_sentence(error)}")

@@ -93,7 +93,10 @@ class Graph:
 
 def mismatches(offered: QoSProfile, asked: QoSProfile) -> tuple[tuple[str, str], ...]:
     """The policies of which a publisher offers less than a subscription asks for, each with what is offered."""
-    reliability = (offered.reliability, asked.reliability) == (ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE)
+    reliability = (offered.reliability, asked.reliability) == (
+        ReliabilityPolicy.BEST_EFFORT,
+        ReliabilityPolicy.RELIABLE,
+    )
     durability = (offered.durability, asked.durability) == (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
     return (
         *((("RELIABILITY", "best_effort"),) if reliability else ()),

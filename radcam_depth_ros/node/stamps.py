@@ -58,10 +58,11 @@ class StampOffset:
         """The median; None of a few sweeps."""
         return float(np.median(self._samples_ns)) / SECOND_NS if len(self._samples_ns) >= _ENOUGH else None
 
-    def apart_s(self, limit_s: float) -> float | None:
-        """The median where it is beyond a limit and clearly more than arrivals vary; None otherwise."""
-        offset_s = self.seconds()
-        if offset_s is None or abs(offset_s) <= limit_s:
+    def apart_s(self, limit_s: float, added_s: float = 0.0) -> float | None:
+        """The median and what is added, where that is beyond a limit and clearly more than arrivals vary; else None."""
+        median_s = self.seconds()
+        if median_s is None or abs(median_s + added_s) <= limit_s:
             return None
+        offset_s = median_s + added_s
         spread_ns = float(np.subtract(*np.percentile(self._samples_ns, (90, 10))))
         return offset_s if spread_ns < abs(offset_s) * SECOND_NS / 4 else None

@@ -20,6 +20,6 @@ def clock_warning(topic: str, offset_s: float, measured_by: str, radar_time_offs
     where = "ahead of" if offset_s > 0 else "behind"
     doubt = "" if abs(offset_s) > CLOCK_CERTAIN_S else ", unless one of the two drivers takes that long"
     return (
-        f"{measured_by} the stamps on {topic} are {abs(offset_s) * 1e3:.0f} ms {where} the images'{doubt}; synchronise the "
-        f"clocks, or set radar_time_offset_s: {radar_time_offset_s - offset_s:.3f}"
+        f"{measured_by} the stamps on {topic} are {abs(offset_s) * 1e3:.0f} ms {where} the images'{doubt}; synchronise "
+        f"the clocks, or set radar_time_offset_s: {radar_time_offset_s - offset_s:.3f}"
     )

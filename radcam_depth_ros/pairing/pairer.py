@@ -113,7 +113,7 @@ class Pairer(Generic[ImageT, SweepT]):
 
     @property
     def offsets_s(self) -> tuple[tuple[float, ...], ...]:
-        """Of each radar, the last sweeps that were taken: stamp with `radar_time_offset_s` minus the image's, seconds."""
+        """Of each radar: stamps of the last sweeps that were taken, corrected, minus the images', seconds."""
         return tuple(tuple(offsets_s) for offsets_s in self._offsets_s)
 
     @property

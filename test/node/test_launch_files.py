@@ -20,6 +20,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from radcam_depth_ros.node.latency import LATENCY_TOPICS
 from radcam_depth_ros.parameters import PARAMETERS
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS, PipelineConfig
 
@@ -93,7 +94,7 @@ def test_the_xml_include_remaps_every_topic_of_the_node() -> None:
     defaults = {f"$(var {argument.get('name')})": argument.get("default") for argument in root.findall("arg")}
     (node,) = root.findall("node")
     remaps = {remap.get("from"): remap.get("to") for remap in node.findall("remap")}
-    assert set(remaps) == {*INPUTS, *OUTPUT_TOPICS.values()}
+    assert set(remaps) == {*INPUTS, *OUTPUT_TOPICS.values(), *LATENCY_TOPICS.values()}
     assert all(defaults[str(to)] == topic for topic, to in remaps.items()), "by default each has its own name"
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rclpy.qos import ReliabilityPolicy
 
-from radcam_depth_ros.node import diagnostics
+from radcam_depth_ros.node import watchdog
 
 RADAR = "radar /radar/points"
 
@@ -53,8 +53,8 @@ def test_a_publisher_that_cannot_be_heard_is_named_with_its_policy(start: Callab
 def test_without_any_input_one_line_says_what_is_missing(
     start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(diagnostics, "NO_OUTPUT_S", 0.3)
-    monkeypatch.setattr(diagnostics, "SILENCE_S", 0.3)
+    monkeypatch.setattr(watchdog, "NO_OUTPUT_S", 0.3)
+    monkeypatch.setattr(watchdog, "SILENCE_S", 0.3)
     bench = start()
     bench.until(lambda: [line for line in bench.logs if "no depth for" in line])
     bench.until(lambda: bench.status("camera", "nobody publishes it"))
@@ -68,7 +68,7 @@ def test_without_any_input_one_line_says_what_is_missing(
 
 
 def test_no_radar_is_a_degraded_mode_that_is_named(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnostics, "SILENCE_S", 0.3)
+    monkeypatch.setattr(watchdog, "SILENCE_S", 0.3)
     bench = start()
     bench.connect("radar/points")
     bench.await_depth()
