@@ -185,7 +185,8 @@ class Vitals:
             set_s = session.radar_time_offset_s(radar)
             apart_s = session.stamp_offsets[radar.part].apart_s(CLOCK_WARNING_S, set_s)
             if apart_s is not None:
-                sentence = clock_warning(radar.topic, apart_s, "by when they arrive", set_s)
+                # Arrivals tell no more than hundredths.
+                sentence = clock_warning(radar.topic, round(apart_s, 2), "by when they arrive", set_s)
                 self._problems.report("clocks", Level.WARN, sentence, quietly=self._are_clocks_told)
                 self._are_clocks_told = True
                 return
