@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import random
+import re
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -293,6 +295,16 @@ def test_every_image_is_depth_or_a_drop_with_a_cause(bench: Any) -> None:
         f"dropped: {name}": 1 for name in causes
     }
     await_health(bench)
+
+
+def test_the_statuses_are_those_that_the_tutorial_lists(bench: Any) -> None:
+    page = (Path(__file__).parents[2] / "docs/tutorials/troubleshooting.md").read_text(encoding="utf-8")
+    table = page.split("| status | values |")[1].split("\n\n")[0]
+    listed = {name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
+    bench.until(lambda: bench.diagnostics)
+    assert {name.split(" ")[0] for name in bench.diagnostics[-1]} == {name.split(" ")[0] for name in listed} - {
+        "odometry"
+    }
 
 
 def test_how_long_a_frame_took_is_told_in_parts_to_whoever_listens(bench: Any) -> None:
