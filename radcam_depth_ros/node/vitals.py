@@ -228,8 +228,9 @@ class Vitals:
         problem = self._problems.tell("output")
         if problem:
             return Status("output", *problem, values)
-        if self.watchdog.without_depth_s() is not None:
-            return Status("output", Level.ERROR, self.watchdog.missing(), values)
+        trouble = self.watchdog.trouble()
+        if trouble:
+            return Status("output", Level.ERROR, trouble, values)
         if not session.frames_out.count:
             return Status("output", Level.STALE, "no depth yet", values)
         return Status("output", Level.OK, "publishing", values)

@@ -7,7 +7,7 @@ import time
 from rclpy.node import Node
 
 from radcam_depth_ros.node.graph import Graph
-from radcam_depth_ros.node.health import SECOND_NS, Problems
+from radcam_depth_ros.node.health import SECOND_NS, Problems, Rate
 from radcam_depth_ros.node.inputs import Input
 from radcam_depth_ros.node.session import Session
 
@@ -36,17 +36,8 @@ class Watchdog:
 
     def silence_s(self, source: Input) -> float | None:
         """Seconds since a message came, or since the session began, where that is too long; None where it is not."""
-        session, now_ns = self._session, time.monotonic_ns()
-        age_s = session.rates[source.part].age_s(now_ns)
-        silent_s = (now_ns - session.started_ns) / SECOND_NS if age_s is None else age_s
+        silent_s = self._since_s(self._session.rates[source.part])
         return silent_s if silent_s > SILENCE_S else None
-
-    def without_depth_s(self) -> float | None:
-        """The same of the depth."""
-        session, now_ns = self._session, time.monotonic_ns()
-        age_s = session.frames_out.age_s(now_ns)
-        silent_s = (now_ns - session.started_ns) / SECOND_NS if age_s is None else age_s
-        return silent_s if silent_s > NO_OUTPUT_S else None
 
     def why_silent(self, source: Input) -> str:
         """Why nothing comes of an input, as far as the graph tells, and what to do."""
@@ -54,9 +45,11 @@ class Watchdog:
         beside = inputs.camera.topic if source is inputs.camera_info and self._heard(inputs.camera) else ""
         return self._graph.remedy(source, self._session.qos(source), beside)
 
-    def missing(self) -> str:
-        """What keeps depth from coming, each with its remedy."""
-        session = self._session
+    def trouble(self) -> str:
+        """Says that no depth came out for long, and why; empty while depth comes, or may still come."""
+        session, silent_s = self._session, self._since_s(self._session.frames_out)
+        if silent_s <= NO_OUTPUT_S:
+            return ""
         sensors = (session.inputs.camera, session.inputs.camera_info, *session.inputs.radars)
         lacking = [source for source in sensors if self._lacks(source)]
         reasons = [self._reason(source) for source in lacking]
@@ -65,19 +58,23 @@ class Watchdog:
             # Without camera_info there is no frame, which is said better above.
             if problem and not (part == "frame" and session.inputs.camera_info in lacking):
                 reasons.append(f"{part}: {problem}")
-        if session.busy_since_ns is not None and not reasons:
-            busy_s = (time.monotonic_ns() - session.busy_since_ns) / SECOND_NS
-            reasons.append(f"the network, busy for {busy_s:.1f} s")
+        busy_since_ns = session.busy_since_ns
+        if busy_since_ns is not None and not reasons:
+            reasons.append(f"the network, busy for {(time.monotonic_ns() - busy_since_ns) / SECOND_NS:.1f} s")
         if len(reasons) > 1:
             reasons = [f"({number}) {reason}" for number, reason in enumerate(reasons, 1)]
-        return (
-            f"no depth for {self.without_depth_s() or 0:.0f} s; missing: {' '.join(reasons) or 'nothing that is known'}"
-        )
+        return f"no depth for {silent_s:.0f} s; missing: {' '.join(reasons) or 'nothing that is known'}"
 
     def news(self) -> str:
-        """The line to log when no depth came out for long; empty when there is no news."""
-        was_silent, self._was_silent = self._was_silent, self.without_depth_s() is not None
-        return self.missing() if self._was_silent and not was_silent else ""
+        """What `trouble` says, the first time that it says something; empty otherwise, until depth came again."""
+        was_silent, trouble = self._was_silent, self.trouble()
+        self._was_silent = bool(trouble)
+        return "" if was_silent else trouble
+
+    def _since_s(self, rate: Rate) -> float:
+        now_ns = time.monotonic_ns()
+        age_s = rate.age_s(now_ns)
+        return (now_ns - self._session.started_ns) / SECOND_NS if age_s is None else age_s
 
     def _heard(self, source: Input) -> bool:
         return self._session.rates[source.part].count > 0
