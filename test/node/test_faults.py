@@ -40,16 +40,15 @@ def node(start_for_module: Callable[..., Any]) -> Iterator[Any]:
 @pytest.fixture
 def bench(node: Any) -> Any:
     """The node with a session of its own, in which nothing came yet but the calibration."""
-    begin(node)
+    begin(node, radar_time_offset_s=0.0)
     return node
 
 
-def begin(bench: Any, **parameters: Any) -> None:
+def begin(bench: Any, radar_time_offset_s: float) -> None:
     """Starts a session in which whatever is sent from now on is heard."""
     assert bench.change_state("deactivate")
     bench.until(lambda: not any(map(bench.peer.count_subscribers, ("image", "radar/points"))), what="the end")
-    for name, value in parameters.items():
-        assert bench.set_parameter(name, value) == ""
+    assert bench.set_parameter("radar_time_offset_s", radar_time_offset_s) == ""
     assert bench.change_state("activate")
     bench.connect()
     pipeline = bench.node._session.pipeline
@@ -168,25 +167,22 @@ def test_stamps_that_are_half_a_second_apart_are_named_with_what_helps(bench: An
             send(bench, "radar/points", bench.cloud())
             bench.now_ns = image_ns
 
-    try:
-        send_apart()
-        words = "by when they arrive the stamps on /radar/points are"
-        status = bench.until(lambda: bench.status("pairing", words), what="the offset")
-        assert status.level == WARN
-        pattern = rf"are (\d+) ms {'ahead of' if ahead_s > 0 else 'behind'} the images'.* radar_time_offset_s: (\S+)"
-        (found,) = re.findall(pattern, status.message)
-        assert [float(number) for number in found] == pytest.approx([500, -ahead_s], rel=0.2)
-        bench.until(lambda: [line for line in bench.logs if words in line])
-        assert float(values(bench, RADAR)["stamps ahead of the camera's [ms]"]) == pytest.approx(1e3 * ahead_s, rel=0.2)
-        begin(bench, radar_time_offset_s=-ahead_s)
-        send_apart()
-        settle(bench)
-        pairing = told(bench, "pairing")
-        assert (pairing["unmatched"], pairing["/radar/points: dt p99 [ms]"]) == ("0", "0.0")
-        assert bench.diagnostics[-1]["pairing"].level == OK
-        assert set(depths(bench).values()) == {WITH_RADAR}
-    finally:
-        begin(bench, radar_time_offset_s=0.0)
+    send_apart()
+    words = "by when they arrive the stamps on /radar/points are"
+    status = bench.until(lambda: bench.status("pairing", words), what="the offset")
+    assert status.level == WARN
+    pattern = rf"are (\d+) ms {'ahead of' if ahead_s > 0 else 'behind'} the images'.* radar_time_offset_s: (\S+)"
+    (found,) = re.findall(pattern, status.message)
+    assert [float(number) for number in found] == pytest.approx([500, -ahead_s], rel=0.2)
+    bench.until(lambda: [line for line in bench.logs if words in line])
+    assert float(values(bench, RADAR)["stamps ahead of the camera's [ms]"]) == pytest.approx(1e3 * ahead_s, rel=0.2)
+    begin(bench, radar_time_offset_s=-ahead_s)
+    send_apart()
+    settle(bench)
+    pairing = told(bench, "pairing")
+    assert (pairing["unmatched"], pairing["/radar/points: dt p99 [ms]"]) == ("0", "0.0")
+    assert bench.diagnostics[-1]["pairing"].level == OK
+    assert set(depths(bench).values()) == {WITH_RADAR}
 
 
 def test_duplicates_give_one_depth_each_and_are_counted(bench: Any) -> None:
@@ -293,17 +289,7 @@ def test_every_image_is_depth_or_a_drop_with_a_cause(bench: Any) -> None:
     await_health(bench)
 
 
-def test_the_statuses_are_those_that_the_tutorial_lists(bench: Any) -> None:
-    page = (Path(__file__).parents[2] / "docs/tutorials/troubleshooting.md").read_text(encoding="utf-8")
-    table = page.split("| status | values |")[1].split("\n\n")[0]
-    listed = {name for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
-    bench.until(lambda: bench.diagnostics)
-    assert {name.split(" ")[0] for name in bench.diagnostics[-1]} == {name.split(" ")[0] for name in listed} - {
-        "odometry"
-    }
-
-
-def test_how_long_a_frame_took_is_told_in_parts_to_whoever_listens(bench: Any) -> None:
+def test_how_long_a_frame_took_is_told_in_parts_and_the_tutorial_lists_all_statuses(bench: Any) -> None:
     heard: dict[str, list[float]] = {part: [] for part in ("latency", "decode", "wait", "inference", "encode")}
     for part, times in heard.items():
         bench.subscribe(f"debug/{part}_ms", "std_msgs/msg/Float32", lambda message, of=times: of.append(message.data))
@@ -319,5 +305,11 @@ def test_how_long_a_frame_took_is_told_in_parts_to_whoever_listens(bench: Any) -
     latest = {part: times[0] for part, times in heard.items()}
     assert latest["latency"] == pytest.approx(sum(latest.values()) - latest["latency"], rel=1e-4)
     inference = told(bench, "inference")
+    page = (Path(__file__).parents[2] / "docs/tutorials/troubleshooting.md").read_text(encoding="utf-8")
+    table = page.split("| status | values |")[1].split("\n\n")[0]
+    listed = {
+        name.split(" ")[0] for row in table.splitlines()[2:] for name in re.findall(r"`([^`]+)`", row.split("|")[1])
+    }
+    assert {name.split(" ")[0] for name in bench.diagnostics[-1]} == listed - {"odometry"}
     assert {f"{part} {name} [ms]" for part in heard for name in ("p50", "p95", "p99")} <= inference.keys()
     assert float(inference["inference p99 [ms]"]) >= 20
