@@ -2,6 +2,7 @@
 
 from radcam_depth_ros.pairing.pairer import Pairer
 from radcam_depth_ros.pairing.values import (
+    ADJUSTABLE,
     MAX_SWEEPS,
     EarlierSweep,
     Pair,
@@ -13,6 +14,7 @@ from radcam_depth_ros.pairing.values import (
 )
 
 __all__ = [
+    "ADJUSTABLE",
     "MAX_SWEEPS",
     "EarlierSweep",
     "Pair",
