@@ -1,19 +1,19 @@
-"""Messages -> Frame: decodes what comes, pairs images with radar sweeps, and brings all into the camera's frame."""
+"""Takes messages as they come and gives frames."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import GeometryError, RigidTransform, TransformTree, ground_plane
+from radcam_depth_ros.intake.settings import TRANSFORM_TOPICS, IntakeConfig, IntakeError
 from radcam_depth_ros.messages import (
     Calibration,
-    FieldAliases,
     ImageReading,
     RadarReading,
     decode_image,
@@ -21,7 +21,7 @@ from radcam_depth_ros.messages import (
     decode_transforms,
 )
 from radcam_depth_ros.motion import Memory, Motion, MotionError, Mounts, displacement, move
-from radcam_depth_ros.pairing import Pair, Pairer, PairingConfig, PairingCounts, for_each_radar
+from radcam_depth_ros.pairing import Pair, Pairer, PairingCounts, for_each_radar
 
 _SECOND = 1_000_000_000
 _LATE_IMAGE_NS = _SECOND

@@ -63,7 +63,7 @@ def encode_cloud(
     depth, image = depth[every, every], np.ascontiguousarray(image[every, every])
     right = ((np.arange(camera.width)[every] - camera.cx) / camera.fx).astype(np.float32)
     down = ((np.arange(camera.height)[every] - camera.cy) / camera.fy).astype(np.float32)[:, None]
-    known = (depth > 0) & (depth < np.inf) & (depth >= near_m) & (depth <= far_m)
+    known = (depth >= near_m if near_m > 0 else depth > 0) & (depth <= far_m if far_m < np.inf else depth < np.inf)
     points = np.empty((np.count_nonzero(known), 4), np.float32)
     written = 0
     # Band by band: temporaries of the whole image would cost more than the work, in memory new to the process.
