@@ -5,7 +5,7 @@ The live node and the replay of a bag both drive it, so that both give the same 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from radcam_depth_ros.estimator import Estimator
@@ -43,17 +43,17 @@ class PipelineError(RadcamDepthError):
 
 
 @dataclass(frozen=True)
-class PipelineConfig(IntakeConfig):
-    """What the pipeline reads, see `IntakeConfig`, and how it writes.
+class OutputConfig:
+    """How depth is written.
 
     Attributes:
         depth_encoding: `32FC1` metres with NaN for "no value", or `16UC1` millimetres with 0.
         preview_colormap: Colours of the preview, one of `COLORMAPS`.
-        preview_near_m: Depth of the preview's nearest colour, metres.
-        preview_far_m: Depth of the preview's furthest colour, metres.
-        points_stride: The point cloud has every so many columns and rows of the depth image.
-        points_near_m: The point cloud begins at this depth, metres.
-        points_far_m: The point cloud ends at this depth, metres.
+        preview_near_m: What is nearer, in metres, has the preview's first colour.
+        preview_far_m: What is further, in metres, has the preview's last colour.
+        points_stride: The point cloud has a point for each square of so many pixels' width.
+        points_near_m: What is nearer, in metres, gives no point.
+        points_far_m: What is further, in metres, gives no point.
     """
 
     depth_encoding: str = "32FC1"
@@ -65,14 +65,13 @@ class PipelineConfig(IntakeConfig):
     points_far_m: float = 1000.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.depth_encoding not in DEPTH_ENCODINGS:
+        for name, known in (("depth_encoding", DEPTH_ENCODINGS), ("preview_colormap", COLORMAPS)):
+            if getattr(self, name) not in known:
+                raise PipelineError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
+        if not 0 < self.preview_near_m < self.preview_far_m:
             raise PipelineError(
-                f"depth_encoding must be one of {', '.join(DEPTH_ENCODINGS)}, got {self.depth_encoding!r}"
-            )
-        if self.preview_colormap not in COLORMAPS:
-            raise PipelineError(
-                f"preview_colormap must be one of {', '.join(COLORMAPS)}, got {self.preview_colormap!r}"
+                f"the preview needs 0 < preview_near_m < preview_far_m, got {self.preview_near_m} and "
+                f"{self.preview_far_m}"
             )
         if self.points_stride < 1:
             raise PipelineError(f"points_stride must be 1 (each pixel) or more, got {self.points_stride}")
@@ -81,11 +80,17 @@ class PipelineConfig(IntakeConfig):
                 f"the point cloud needs 0 <= points_near_m < points_far_m, got {self.points_near_m} and "
                 f"{self.points_far_m}"
             )
-        if not 0 < self.preview_near_m < self.preview_far_m:
-            raise PipelineError(
-                f"the preview needs 0 < preview_near_m < preview_far_m, got {self.preview_near_m} and "
-                f"{self.preview_far_m}"
-            )
+
+
+@dataclass(frozen=True)
+class PipelineConfig(IntakeConfig):
+    """What the pipeline reads, see `IntakeConfig`, and how it writes.
+
+    Attributes:
+        output: How it writes.
+    """
+
+    output: OutputConfig = field(default_factory=OutputConfig)
 
 
 @dataclass(frozen=True)
@@ -119,8 +124,8 @@ class DepthMessages:
 class Pipeline(Intake):
     """Messages in, depth messages out.
 
-    Not for several threads at once, with one exception: `process` and `encode` may run in one thread while another calls
-    the rest.
+    Not for several threads at once, with one exception: `process` or its halves may run in one thread while another
+    calls the rest.
 
     Args:
         config: What to read and how to write.
@@ -129,16 +134,7 @@ class Pipeline(Intake):
     """
 
     config: PipelineConfig
-    ADJUSTABLE: ClassVar[tuple[str, ...]] = (
-        *Intake.ADJUSTABLE,
-        "depth_encoding",
-        "preview_colormap",
-        "preview_near_m",
-        "preview_far_m",
-        "points_stride",
-        "points_near_m",
-        "points_far_m",
-    )
+    ADJUSTABLE: ClassVar[tuple[str, ...]] = (*Intake.ADJUSTABLE, "output")
 
     def __init__(self, config: PipelineConfig, estimator: Estimator, factory: MessageFactory) -> None:
         super().__init__(config)
@@ -152,7 +148,7 @@ class Pipeline(Intake):
     def process(
         self, frame: Frame, *, preview: bool = False, points: bool = False, classes: bool = False
     ) -> DepthMessages | None:
-        """Estimates a frame's depth and writes it as messages; None where there is to be none, see `is_suppressed`.
+        """Estimates a frame's depth and writes it as messages; None where it is suppressed, see `estimate`.
 
         Args:
             frame: From `accept`, `expire` or `flush`.
@@ -163,12 +159,26 @@ class Pipeline(Intake):
         Raises:
             RadcamDepthError: when the network cannot be given this frame.
         """
+        result = self.estimate(frame, classes=classes)
+        return None if result is None else self.encode(frame, result, preview=preview, points=points)
+
+    def estimate(self, frame: Frame, *, classes: bool = False) -> DepthResult | None:
+        """Estimates a frame's depth: the first half of `process`, which `encode` follows.
+
+        Args:
+            frame: From `accept`, `expire` or `flush`.
+            classes: Whether to make the class image, where the network tells.
+
+        Returns:
+            The depth; None of a frame without radar returns in view where `without_radar` is `suppress`.
+
+        Raises:
+            RadcamDepthError: when the network cannot be given this frame.
+        """
         if self.is_suppressed(len(frame.radar)):
             return None
         result = self._estimator.estimate(frame, classes=classes)
-        if self.is_suppressed(result.radar_in_view):
-            return None
-        return self.encode(frame, result, preview=preview, points=points)
+        return None if self.is_suppressed(result.radar_in_view) else result
 
     def is_suppressed(self, returns: int) -> bool:
         """Whether a frame with so many radar returns in view is to give no depth."""
@@ -185,7 +195,7 @@ class Pipeline(Intake):
             preview: Whether to draw the depth in colours.
             points: Whether to make a point cloud.
         """
-        factory, config, stamp = self._factory, self.config, (frame.stamp_ns, frame.frame_id)
+        factory, config, stamp = self._factory, self.config.output, (frame.stamp_ns, frame.frame_id)
         camera_info = encode_camera_info(factory, result.camera, *stamp)
         return DepthMessages(
             result=result,

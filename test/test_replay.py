@@ -14,7 +14,7 @@ from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorErro
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.messages import MessageError, decode_classes, decode_depth
 from radcam_depth_ros.pairing import PairingConfig
-from radcam_depth_ros.pipeline import Pipeline
+from radcam_depth_ros.pipeline import OutputConfig, Pipeline
 from radcam_depth_ros.replay import ReplayOptions, replay
 
 WriteDrive = Callable[..., Path]
@@ -71,7 +71,12 @@ def test_classes_are_written_where_the_network_tells_them(
 
 def test_passthrough_keeps_the_inputs(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
     drive = write_drive(tmp_path / "drive", frames=2)
-    replay(drive, tmp_path / "out", estimator, options=ReplayOptions(passthrough=True, depth_encoding="16UC1"))
+    replay(
+        drive,
+        tmp_path / "out",
+        estimator,
+        options=ReplayOptions(passthrough=True, output=OutputConfig(depth_encoding="16UC1")),
+    )
     with BagReader(tmp_path / "out") as reader:
         counts = {topic.name: topic.count for topic in reader.topics}
     assert counts["/camera/image_raw"] == counts["/ground_truth/depth"] == counts["/depth/image_rect"] == 2

@@ -26,8 +26,8 @@ class IntakeConfig:
 
     Attributes:
         image: Topic of the images, sensor_msgs/Image or CompressedImage.
-        camera_info: Topic of the camera's calibration; empty for `camera_info` beside the images, as image_transport has
-            it.
+        camera_info: Topic of the camera's calibration; empty for `camera_info` beside the images, as image_transport
+            has it.
         radars: Topics of the radars' point clouds; may be empty.
         image_is_rectified: The images are free of distortion, as `image_rect` topics are, whatever camera_info says.
         camera_frame: Frame of the camera where the image's frame_id is empty.

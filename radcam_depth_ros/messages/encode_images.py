@@ -118,7 +118,7 @@ def _color_table(colormap: str) -> ImageArray:
     """(256, 1, 3) uint8 RGB, black first, then from the farthest to the nearest colour."""
     ramp = np.arange(256, dtype=np.uint8).reshape(256, 1)
     if colormap == _GREY:
-        return cv2.cvtColor(ramp, cv2.COLOR_GRAY2RGB)
+        return np.repeat(ramp[..., None], 3, axis=2)
     if colormap not in _COLORMAPS:
         raise MessageError(f"expected the colours {', '.join(COLORMAPS)}, got {colormap!r}")
     table: ImageArray = cv2.cvtColor(cv2.applyColorMap(ramp, _COLORMAPS[colormap]), cv2.COLOR_BGR2RGB)

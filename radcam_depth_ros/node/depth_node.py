@@ -1,6 +1,7 @@
 """The lifecycle node: configure loads, activate runs, deactivate stops, cleanup frees.
 
-Between deactivate and activate parameters may change, the network too: activate then takes up what changed.
+Between deactivate and activate all parameters may change, the network too: activate then takes up what changed. Those that
+say how depth is written and what is taken for it also change while the node is active.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class RadcamDepthNode(LifecycleNode):
         super().__init__(NODE_NAME, **options)
         self._make_estimator = make_estimator
         self._problems = Problems(self._log)
-        self._settings = Parameters(self)
+        self._settings = Parameters(self, self._on_parameters)
         self._phase = "unconfigured"
         self._config: NodeConfig | None = None
         self._inputs: Inputs | None = None
@@ -94,7 +95,8 @@ class RadcamDepthNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self._phase = "active"
         self._settings.frozen_because = (
-            "parameters are set while the node is not active: deactivate it first, then activate it again"
+            f"the node is active; deactivate it first (ros2 lifecycle set {self.get_fully_qualified_name()} deactivate), "
+            "then activate it again"
         )
         self._report_transform_messages(self._inputs)
         self._log(
@@ -152,7 +154,7 @@ class RadcamDepthNode(LifecycleNode):
             if self._outputs is None:
                 self._outputs = Outputs(self, lambda sentence: self._problems.report("output", Level.WARN, sentence))
             part = "model"
-            if estimator is None or before is None or config.estimator != before.estimator:
+            if estimator is None or not estimator.can_adjust(config.estimator):
                 estimator = self._load(config.estimator, before.estimator if before else None)
             part = "output"
             self._outputs.offer_classes(estimator.tells_classes)
@@ -162,10 +164,25 @@ class RadcamDepthNode(LifecycleNode):
             )
             self._problems.report(part, Level.ERROR, f"{failure}: {_sentence(error)}{kept}")
             return False
+        estimator.adjust(config.estimator)
         # Only now, so that the network before stays usable when the next one is not; nothing else holds it.
         self._config, self._inputs, self._estimator = _with_full_names(config, inputs), inputs, estimator
         give_back_memory()
         return True
+
+    def _on_parameters(self, names: tuple[str, ...]) -> None:
+        """Takes up parameters that were set while the node is active; they were judged before."""
+        if self._session is None or self._inputs is None or self._estimator is None:
+            return
+        try:
+            config = _with_full_names(self._settings.read(), self._inputs)
+            self._session.pipeline.adjust(config.pipeline)
+            self._estimator.adjust(config.estimator)
+        except Exception as error:  # the boundary: parameters must never take the node down
+            self._problems.report("parameters", Level.ERROR, f"parameters are not taken up: {_sentence(error)}")
+            return
+        self._config = config
+        self._log(Level.OK, f"set: {', '.join(f'{name} {self.get_parameter(name).value}' for name in names)}")
 
     def _load(self, config: EstimatorConfig, before: EstimatorConfig | None) -> Estimator:
         self._log(Level.OK, f"loading {config.model_file or config.network}")

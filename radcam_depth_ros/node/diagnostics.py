@@ -20,6 +20,12 @@ SILENCE_S = 2.0
 NO_OUTPUT_S = 5.0
 """After this time without depth one line in the log says what is missing."""
 
+_WITHOUT_RADAR = {
+    "camera_only": "their depth is from the camera alone",
+    "hold": "their depth is from older returns, and once these are too old from the camera alone",
+    "suppress": "so they get no depth",
+}
+
 Values = tuple[tuple[str, str], ...]
 
 
@@ -187,10 +193,10 @@ class Diagnostics:
         images = counts.images - (before.images if before else 0)
         unmatched = counts.unmatched - (before.unmatched if before else 0)
         if unmatched:
-            offset_s = session.pipeline.config.pairing.max_time_offset_s
+            config = session.pipeline.config
             sentence = (
-                f"{unmatched} images of the last second had no radar sweep within {offset_s:g} s, their depth is from "
-                "the camera alone; check that the radar runs and that both clocks agree"
+                f"{unmatched} images of the last second had no radar sweep within "
+                f"{config.pairing.max_time_offset_s:g} s, {_WITHOUT_RADAR[config.without_radar]}; check that the radar runs and that both clocks agree"
             )
             return Status("pairing", Level.WARN, sentence, values)
         return Status("pairing", Level.OK, f"{images} images in the last second", values)
@@ -205,6 +211,7 @@ class Diagnostics:
             ("frames out", str(session.frames_out.count)),
             ("dropped: overload", str(session.frames_dropped)),
             ("dropped: failed", str(session.frames_failed)),
+            ("suppressed: without radar", str(session.frames_suppressed)),
             ("rate [Hz]", f"{session.frames_out.hertz(now_ns):.1f}"),
             *self._problems.history("inference"),
         )
@@ -246,7 +253,7 @@ class Diagnostics:
             elif age_s is None or (age_s > SILENCE_S and not is_needed_once):
                 publishers = self._node.count_publishers(source.topic)
                 reasons.append(f"{source.type_name} on {source.topic} ({publishers or 'no'} publishers)")
-        for part in ("transforms", "frame", "inference"):
+        for part in ("transforms", "frame", "inference", "view"):
             problem = self._problems.peek(part)
             if problem:
                 reasons.append(f"{part}: {problem}")

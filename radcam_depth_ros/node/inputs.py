@@ -14,7 +14,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
-from radcam_depth_ros.intake import TRANSFORM_TOPICS
+from radcam_depth_ros.intake import COMPRESSED_SUFFIX, TRANSFORM_TOPICS
 from radcam_depth_ros.node.factory import message_class
 from radcam_depth_ros.parameters import NodeConfig, ParameterError
 
@@ -84,13 +84,14 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     image, image_type = _full_name(node, config.pipeline.image), "sensor_msgs/msg/Image"
     if config.image_transport == "compressed":
         image_type = "sensor_msgs/msg/CompressedImage"
-        image = image if image.endswith("/compressed") else f"{image}/compressed"
+        # As image_transport does, which may have its topics remapped as well.
+        image = _full_name(node, image.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX)
     radars = tuple(_full_name(node, topic) for topic in config.pipeline.radars)
     static, dynamic = TRANSFORM_TOPICS
     return Inputs(
         camera=Input("camera", image, image_type, 2),
         camera_info=Input(
-            "camera_info", _full_name(node, config.pipeline.camera_info), "sensor_msgs/msg/CameraInfo", 2
+            "camera_info", _full_name(node, config.pipeline.calibration_topic), "sensor_msgs/msg/CameraInfo", 2
         ),
         radars=tuple(Input(f"radar {topic}", topic, "sensor_msgs/msg/PointCloud2", 10) for topic in radars),
         transforms=(

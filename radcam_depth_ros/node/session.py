@@ -63,7 +63,7 @@ class Session:
         """Messages of each part, good ones and bad ones."""
         self.accepted = {source.part: 0 for source in inputs}
         """How many of them could be used."""
-        self.frames_in = self.frames_failed = 0
+        self.frames_in = self.frames_failed = self.frames_suppressed = 0
         self.frames_out = Rate()
         self.latency, self.processing = Durations(), Durations()
         """From an image's arrival to its depth being published; and the network's and encoder's part of it."""
@@ -167,6 +167,9 @@ class Session:
                 points=self._outputs.is_wanted("points"),
                 classes=self._outputs.is_wanted("classes"),
             )
+            if messages is None:
+                self._on_suppressed()
+                return
             self._outputs.publish(messages)
         except RadcamDepthError as error:
             self.frames_failed += 1
@@ -185,6 +188,16 @@ class Session:
         finally:
             self.busy_since_ns = None
 
+    def _on_suppressed(self) -> None:
+        self.frames_suppressed += 1
+        self._problems.settle("inference")
+        self._problems.report(
+            "view",
+            Level.WARN,
+            "expected radar returns in view of the camera, got none, so the image gets no depth; check the radar, or "
+            "set the parameter without_radar to camera_only",
+        )
+
     def _judge_view(self, returns: int, in_view: int) -> None:
         if returns and not in_view:
             self._problems.report(
@@ -193,7 +206,7 @@ class Session:
                 f"expected radar returns in view of the camera, got 0 of {returns}: all are behind it, outside of its "
                 "image or too far away; check the extrinsics and the radar's frame_id",
             )
-        elif returns:
+        else:
             self._problems.settle("view")
 
     def _judge_motion(self) -> None:

@@ -26,7 +26,7 @@ from radcam_depth_ros.pipeline import OUTPUT_TOPICS, PipelineConfig
 ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch"
 NAMES = {spec.name for spec in PARAMETERS}
-INPUTS = (PipelineConfig().image, PipelineConfig().camera_info, *PipelineConfig().radars)
+INPUTS = (PipelineConfig().image, PipelineConfig().calibration_topic, *PipelineConfig().radars)
 PYTHON_FILES = sorted(LAUNCH.glob("*.py"))
 
 
