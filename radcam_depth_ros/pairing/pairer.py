@@ -95,9 +95,7 @@ class Pairer(Generic[ImageT, SweepT]):
             PairingError: when more differs than `ADJUSTABLE`.
         """
         if replace(config, **{name: getattr(self._config, name) for name in ADJUSTABLE}) != self._config:
-            raise PairingError(
-                f"only {', '.join(ADJUSTABLE)} can be changed while images are paired; make a new pairer"
-            )
+            raise PairingError(f"only {', '.join(ADJUSTABLE)} can change while images are paired; make a new pairer")
         self._config = config
         self._max_wait_ns = round(config.max_wait_s * _SECOND)
         for sweeps in self._sweeps:
