@@ -144,6 +144,43 @@ class Intake:
         self._ready.clear()
         return frames
 
+    def camera_from_radar(
+        self,
+        index: int,
+        radar_frame: str,
+        camera_frame: str,
+        camera_ns: int | None = None,
+        radar_ns: int | None = None,
+    ) -> RigidTransform:
+        """Where a radar is, from the config or the transform tree.
+
+        Args:
+            index: The radar's place in `config.radars`.
+            radar_frame: The frame of its clouds; the config's is taken where it is empty.
+            camera_frame: The camera's frame.
+            camera_ns: When the camera is there, and
+            radar_ns: when the radar was, where a mount moves; None for the newest that is known.
+
+        Raises:
+            RadcamDepthError: when nobody tells.
+        """
+        if self._fixed_extrinsics:
+            return self._fixed_extrinsics[index]
+        frame = radar_frame or self._radar_frames[index]
+        if not frame:
+            raise IntakeError(
+                f"the clouds on {self.config.radars[index]!r} have an empty frame_id; set it in the driver, or set the "
+                "parameter radar_frame"
+            )
+        if not self.transforms.can_transform(camera_frame, frame) and not self.transforms.frames:
+            raise IntakeError(
+                f"no transform from {frame!r} to {camera_frame!r}: nothing came on /tf_static; publish it, or set the "
+                "parameter camera_from_radar (x y z qx qy qz qw)"
+            )
+        if camera_ns is None or radar_ns is None:
+            return self.transforms.lookup(camera_frame, frame)
+        return self._mounts.lookup(camera_frame, camera_ns, frame, radar_ns)
+
     def _new_motion(self, camera_frame: str) -> Motion:
         config = self.config
         return Motion(
@@ -259,7 +296,7 @@ class Intake:
         # Of /tf the poses are the camera's own, its mount's motion included; odometry's leave that to the mounts.
         seen_ns = sweep_ns if base_frame == camera_frame else image_ns
         returns = self._in_camera(index, sweep, camera_frame, image_ns, offset_s, seen_ns)
-        radar_m = self._camera_from_radar(index, sweep.frame_id, camera_frame, seen_ns, sweep_ns).translation
+        radar_m = self.camera_from_radar(index, sweep.frame_id, camera_frame, seen_ns, sweep_ns).translation
         base_from_camera = self._mounts.lookup(base_frame, image_ns, camera_frame, image_ns)
         how = displacement(motion, base_from_camera, radar_m, sweep_ns, image_ns)
         return move(returns, how, is_over_ground=sweep.is_over_ground)
@@ -277,26 +314,8 @@ class Intake:
         returns = sweep.returns
         age_s = np.full(len(returns), -offset_s, np.float32)
         sweep_ns, camera_ns = image_ns + round(offset_s * _SECOND), image_ns if seen_ns is None else seen_ns
-        camera_from_radar = self._camera_from_radar(index, sweep.frame_id, camera_frame, camera_ns, sweep_ns)
+        camera_from_radar = self.camera_from_radar(index, sweep.frame_id, camera_frame, camera_ns, sweep_ns)
         return RadarReturns(camera_from_radar.apply(returns.xyz_m), returns.rcs_dbsm, returns.radial_speed_mps, age_s)
-
-    def _camera_from_radar(
-        self, index: int, radar_frame: str, camera_frame: str, camera_ns: int, radar_ns: int
-    ) -> RigidTransform:
-        if self._fixed_extrinsics:
-            return self._fixed_extrinsics[index]
-        frame = radar_frame or self._radar_frames[index]
-        if not frame:
-            raise IntakeError(
-                f"the clouds on {self.config.radars[index]!r} have an empty frame_id; set it in the driver, or set the "
-                "parameter radar_frame"
-            )
-        if not self.transforms.can_transform(camera_frame, frame) and not self.transforms.frames:
-            raise IntakeError(
-                f"no transform from {frame!r} to {camera_frame!r}: nothing came on /tf_static; publish it, or set the "
-                "parameter camera_from_radar (x y z qx qy qz qw)"
-            )
-        return self._mounts.lookup(camera_frame, camera_ns, frame, radar_ns)
 
     def _ground(self, camera_frame: str, image_ns: int) -> GroundPlane:
         if self.config.camera_height_m > 0:

@@ -1,7 +1,7 @@
 """The lifecycle node: configure loads, activate runs, deactivate stops, cleanup frees.
 
-Between deactivate and activate all parameters may change, the network too: activate then takes up what changed. Those that
-say how depth is written and what is taken for it also change while the node is active.
+Between deactivate and activate all parameters may change, the network too: activate then takes up what changed. Limits,
+and the way depth is written, change while the node is active as well.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ class RadcamDepthNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self._phase = "active"
         self._settings.frozen_because = (
-            f"the node is active; deactivate it first (ros2 lifecycle set {self.get_fully_qualified_name()} deactivate), "
-            "then activate it again"
+            "the node is active; deactivate it first, then activate it again (ros2 lifecycle set "
+            f"{self.get_fully_qualified_name()} deactivate)"
         )
         self._report_transform_messages(self._inputs)
         self._log(

@@ -196,7 +196,8 @@ class Diagnostics:
             config = session.pipeline.config
             sentence = (
                 f"{unmatched} images of the last second had no radar sweep within "
-                f"{config.pairing.max_time_offset_s:g} s, {_WITHOUT_RADAR[config.without_radar]}; check that the radar runs and that both clocks agree"
+                f"{config.pairing.max_time_offset_s:g} s, {_WITHOUT_RADAR[config.without_radar]}; check that the radar "
+                "runs and that both clocks agree"
             )
             return Status("pairing", Level.WARN, sentence, values)
         return Status("pairing", Level.OK, f"{images} images in the last second", values)

@@ -81,11 +81,11 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     Raises:
         ParameterError: for a name that is none.
     """
-    image, image_type = _full_name(node, config.pipeline.image), "sensor_msgs/msg/Image"
-    if config.image_transport == "compressed":
-        image_type = "sensor_msgs/msg/CompressedImage"
-        # As image_transport does, which may have its topics remapped as well.
+    image, transport = _full_name(node, config.pipeline.image), config.image_transport
+    if transport == "compressed":
+        # As image_transport does, which may have its own topics remapped as well.
         image = _full_name(node, image.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX)
+    image_type = "sensor_msgs/msg/Image" if transport == "raw" else "sensor_msgs/msg/CompressedImage"
     radars = tuple(_full_name(node, topic) for topic in config.pipeline.radars)
     static, dynamic = TRANSFORM_TOPICS
     return Inputs(

@@ -21,7 +21,8 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         "image_transport",
         "image_transport",
-        "raw takes sensor_msgs/Image; compressed takes sensor_msgs/CompressedImage on <image_topic>/compressed.",
+        "raw takes sensor_msgs/Image; compressed takes sensor_msgs/CompressedImage on <image_topic>/compressed, "
+        "compressed_topic on image_topic itself.",
         choices=IMAGE_TRANSPORTS,
     ),
     ParameterSpec(

@@ -98,7 +98,7 @@ def test_sizes_that_differ_are_refused(make, depth, image, got):
 
 def test_a_stride_below_one_is_refused(make):
     depth, image = np.ones((4, 6), np.float32), np.zeros((4, 6, 3), np.uint8)
-    with pytest.raises(MessageError, match="stride of 1 or more .* got 0"):
+    with pytest.raises(MessageError, match=r"stride of 1 or more .* got 0"):
         encode_cloud(make, depth, image, CAMERA, STAMP, "camera", stride=0)
 
 

@@ -146,7 +146,7 @@ def test_previews_of_all_colours_tell_near_from_far_and_keep_black(colormap):
 
 
 def test_colours_that_there_are_not_are_refused():
-    with pytest.raises(MessageError, match="expected the colours turbo, .* got 'pink'"):
+    with pytest.raises(MessageError, match=r"expected the colours turbo, .* got 'pink'"):
         colorise(np.ones((2, 2), np.float32), 1.0, 80.0, "pink")
 
 
