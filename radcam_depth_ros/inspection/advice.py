@@ -12,7 +12,6 @@ from radcam_depth_ros.inspection.suggestion import (
     Setting,
     Suggestion,
     extrinsic_parameters,
-    image_remapping,
     topic_parameters,
 )
 from radcam_depth_ros.pairing import CLOCK_CERTAIN_S, CLOCK_WARNING_S, PairingConfig
@@ -47,8 +46,7 @@ def suggest(
         )
     settings += _extrinsics(extrinsics, transforms)
     settings += _pairing(topics, offsets)
-    remapping = image_remapping(roles.image, image_type)
-    return Suggestion(tuple(settings), ":=".join(remapping) if remapping else "")
+    return Suggestion(tuple(settings))
 
 
 def _extrinsics(extrinsics: Sequence[ExtrinsicFacts], transforms: TransformTree) -> list[Setting]:

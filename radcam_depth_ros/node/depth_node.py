@@ -1,6 +1,7 @@
 """The lifecycle node: configure loads, activate runs, deactivate stops, cleanup frees.
 
-Between deactivate and activate parameters may change, the network too: activate then takes up what changed.
+Between deactivate and activate all parameters may change, the network too: activate then takes up what changed. Limits,
+and the way depth is written, change while the node is active as well.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class RadcamDepthNode(LifecycleNode):
         super().__init__(NODE_NAME, **options)
         self._make_estimator = make_estimator
         self._problems = Problems(self._log)
-        self._settings = Parameters(self)
+        self._settings = Parameters(self, self._on_parameters)
         self._phase = "unconfigured"
         self._config: NodeConfig | None = None
         self._inputs: Inputs | None = None
@@ -100,7 +101,8 @@ class RadcamDepthNode(LifecycleNode):
         self._vitals = Vitals(self, self._session, outputs, self._problems)
         self._phase = "active"
         self._settings.frozen_because = (
-            "parameters are set while the node is not active: deactivate it first, then activate it again"
+            "the node is active; deactivate it first, then activate it again (ros2 lifecycle set "
+            f"{self.get_fully_qualified_name()} deactivate)"
         )
         self._report_transform_messages(inputs)
         self._log(Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in inputs)}")
@@ -158,7 +160,7 @@ class RadcamDepthNode(LifecycleNode):
             if self._latency_topics is None:
                 self._latency_topics = LatencyTopics(self)
             part = "model"
-            if estimator is None or before is None or config.estimator != before.estimator:
+            if estimator is None or not estimator.can_adjust(config.estimator):
                 estimator = self._load(config.estimator, before.estimator if before else None)
             part = "output"
             self._outputs.offer_classes(estimator.tells_classes)
@@ -168,10 +170,25 @@ class RadcamDepthNode(LifecycleNode):
             )
             self._problems.report(part, Level.ERROR, f"{failure}: {_sentence(error)}{kept}")
             return False
+        estimator.adjust(config.estimator)
         # Only now, so that the network before stays usable when the next one is not; nothing else holds it.
         self._config, self._inputs, self._estimator = _with_full_names(config, inputs), inputs, estimator
         give_back_memory()
         return True
+
+    def _on_parameters(self, names: tuple[str, ...]) -> None:
+        """Takes up parameters that were set while the node is active; they were judged before."""
+        if self._session is None or self._inputs is None or self._estimator is None:
+            return
+        try:
+            config = _with_full_names(self._settings.read(), self._inputs)
+            self._session.pipeline.adjust(config.pipeline)
+            self._estimator.adjust(config.estimator)
+        except Exception as error:  # the boundary: parameters must never take the node down
+            self._problems.report("parameters", Level.ERROR, f"parameters are not taken up: {_sentence(error)}")
+            return
+        self._config = config
+        self._log(Level.OK, f"set: {', '.join(f'{name} {self.get_parameter(name).value}' for name in names)}")
 
     def _load(self, config: EstimatorConfig, before: EstimatorConfig | None) -> Estimator:
         self._log(Level.OK, f"loading {config.model_file or config.network}")

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from radcam_depth_ros.intake import COMPRESSED_SUFFIX
 from radcam_depth_ros.node.inputs import COMPRESSED, IMAGE_TYPES, Input
 
 
@@ -121,7 +122,6 @@ def _other_type(source: Input, topic: str, type_name: str) -> str:
     if type_name not in _other_image_types(source):
         return f"set {source.parameter} to a topic of {source.type_name}"
     (transport,) = (name for name, image_type in IMAGE_TYPES.items() if image_type == type_name)
-    setting = f"set image_transport to {transport} and {source.parameter} to {topic}"
-    if transport == COMPRESSED and not topic.endswith(f"/{COMPRESSED}"):
-        return f"{setting}, and remap {topic}/{COMPRESSED} to {topic}"
-    return setting
+    if transport == COMPRESSED and not topic.endswith(COMPRESSED_SUFFIX):
+        transport = "compressed_topic"
+    return f"set image_transport to {transport} and {source.parameter} to {topic}"

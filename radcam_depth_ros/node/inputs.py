@@ -14,7 +14,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
-from radcam_depth_ros.intake import TRANSFORM_TOPICS
+from radcam_depth_ros.intake import COMPRESSED_SUFFIX, TRANSFORM_TOPICS
 from radcam_depth_ros.node.factory import message_class
 from radcam_depth_ros.parameters import NodeConfig, ParameterError
 
@@ -22,7 +22,7 @@ TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 COMPRESSED = "compressed"
 IMAGE_TYPES = {"raw": "sensor_msgs/msg/Image", COMPRESSED: "sensor_msgs/msg/CompressedImage"}
-"""Of each value of `image_transport`."""
+"""Of values of `image_transport`; `compressed_topic` takes compressed images as well."""
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 """Policies that `qos_overrides.<topic>.subscription.*` parameters change."""
 
@@ -86,16 +86,18 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     Raises:
         ParameterError: for a name that is none.
     """
-    image, image_type = _full_name(node, config.pipeline.image), IMAGE_TYPES[config.image_transport]
-    if config.image_transport == COMPRESSED and not image.endswith(f"/{COMPRESSED}"):
-        image = f"{image}/{COMPRESSED}"
+    image, transport = _full_name(node, config.pipeline.image), config.image_transport
+    if transport == COMPRESSED:
+        # As image_transport does, which may have its own topics remapped as well.
+        image = _full_name(node, image.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX)
+    image_type = IMAGE_TYPES.get(transport, IMAGE_TYPES[COMPRESSED])
     radars = tuple(_full_name(node, topic) for topic in config.pipeline.radars)
     static, dynamic = TRANSFORM_TOPICS
     return Inputs(
         camera=Input("camera", image, image_type, 2, parameter="image_topic"),
         camera_info=Input(
             "camera_info",
-            _full_name(node, config.pipeline.camera_info),
+            _full_name(node, config.pipeline.calibration_topic),
             "sensor_msgs/msg/CameraInfo",
             2,
             parameter="camera_info_topic",

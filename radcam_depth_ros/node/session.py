@@ -82,7 +82,7 @@ class Session:
         self.stamps = {source.part: Stamps() for source in (inputs.camera, *inputs.radars)}
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
         """Of each radar, as it is stamped: without `radar_time_offset_s`."""
-        self.frames_in = self.frames_failed = self.images_unusable = 0
+        self.frames_in = self.frames_failed = self.images_unusable = self.frames_suppressed = 0
         self.frames_out = Rate()
         self.latencies = Latencies()
         self.busy_since_ns: int | None = None
@@ -204,6 +204,9 @@ class Session:
             self.pipeline.warm_up(frame.camera)
             result = self.pipeline.estimate(frame, classes=outputs.is_wanted("classes"))
             estimated_ns = time.monotonic_ns()
+            if result is None:
+                self._on_suppressed()
+                return
             messages = self.pipeline.encode(
                 frame, result, preview=outputs.is_wanted("preview"), points=outputs.is_wanted("points")
             )
@@ -226,6 +229,16 @@ class Session:
         finally:
             self.busy_since_ns = None
 
+    def _on_suppressed(self) -> None:
+        self.frames_suppressed += 1
+        self._problems.settle("inference")
+        self._problems.report(
+            "view",
+            Level.WARN,
+            "expected radar returns in view of the camera, got none, so the image gets no depth; check the radar, or "
+            "set the parameter without_radar to camera_only",
+        )
+
     def _judge_view(self, returns: int, in_view: int) -> None:
         if returns and not in_view:
             self._problems.report(
@@ -234,7 +247,7 @@ class Session:
                 f"expected radar returns in view of the camera, got 0 of {returns}: all are behind it, outside of its "
                 "image or too far away; check the extrinsics and the radar's frame_id",
             )
-        elif returns:
+        else:
             self._problems.settle("view")
 
     def _judge_motion(self) -> None:

@@ -15,6 +15,11 @@ from radcam_depth_ros.node.watchdog import Watchdog
 from radcam_depth_ros.pairing import CLOCK_WARNING_S, PairingCounts, clock_warning
 
 Values = tuple[tuple[str, str], ...]
+_WITHOUT_RADAR = {
+    "camera_only": "their depth is from the camera alone",
+    "hold": "their depth is from older returns, and once these are too old from the camera alone",
+    "suppress": "so they get no depth",
+}
 
 
 class Vitals:
@@ -121,10 +126,11 @@ class Vitals:
             return Status("pairing", *problem, values)
         unmatched = counts.unmatched - before.unmatched
         if unmatched and self._session.inputs.radars:
-            offset_s = self._session.pipeline.config.pairing.max_time_offset_s
+            config = self._session.pipeline.config
             sentence = (
-                f"{unmatched} images of the last second had no radar sweep within {offset_s:g} s, their depth is from "
-                "the camera alone; check that the radar runs and that both clocks agree"
+                f"{unmatched} images of the last second had no radar sweep within "
+                f"{config.pairing.max_time_offset_s:g} s, {_WITHOUT_RADAR[config.without_radar]}; check that the radar "
+                "runs and that both clocks agree"
             )
             return Status("pairing", Level.WARN, sentence, values)
         return Status("pairing", Level.OK, f"{counts.images - before.images} images in the last second", values)
@@ -222,6 +228,7 @@ class Vitals:
             ("dropped: no calibration or transform", str(session.images_unusable)),
             ("dropped: overload", str(session.frames_dropped)),
             ("dropped: failed", str(session.frames_failed)),
+            ("dropped: without radar", str(session.frames_suppressed)),
             *self._outputs.subscribers(),
             *self._problems.history("output"),
         )

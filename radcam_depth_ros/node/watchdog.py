@@ -15,7 +15,7 @@ SILENCE_S = 2.0
 """A sensor that was silent for longer is reported."""
 NO_OUTPUT_S = 5.0
 """After this time without depth one line in the log says what is missing."""
-_ELSEWHERE = ("transforms", "frame", "clocks", "stamps", "inference")
+_ELSEWHERE = ("transforms", "frame", "clocks", "stamps", "inference", "view")
 """Parts whose problems keep depth from coming though all sensors are heard."""
 
 

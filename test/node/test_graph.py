@@ -71,7 +71,7 @@ def test_own_outputs_and_other_inputs_are_not_proposed(graph: Callable[..., Grap
     ("topics", "words"),
     [
         ({"/image/compressed": COMPRESSED}, "set image_transport to compressed and image_topic to /image/compressed"),
-        ({"/image": COMPRESSED}, "image_topic to /image, and remap /image/compressed to /image"),
+        ({"/image": COMPRESSED}, "set image_transport to compressed_topic and image_topic to /image"),
         ({"/image": CLOUD}, f"it is published as {CLOUD}: set image_topic to a topic of {RAW}"),
     ],
 )

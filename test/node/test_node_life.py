@@ -121,19 +121,23 @@ def test_parameters_are_set_while_the_node_is_not_active(
 ) -> None:
     bench = start()
     bench.until(lambda: bench.state == "active")
-    assert "deactivate it first" in bench.set_parameter("depth_encoding", "16UC1")
+    refusal = bench.set_parameter("camera_frame", "eye")
+    assert refusal == (
+        "camera_frame cannot change now: the node is active; deactivate it first, then activate it again "
+        "(ros2 lifecycle set /radcam_depth deactivate)"
+    )
     assert all(bench.change_state(label) for label in stop)
-    assert "32FC1, 16UC1, got '8UC1'" in bench.set_parameter("depth_encoding", "8UC1")
-    assert bench.set_parameter("depth_encoding", "16UC1") == ""
+    assert "raw, compressed, compressed_topic, got 'zip'" in bench.set_parameter("image_transport", "zip")
+    assert bench.set_parameter("camera_frame", "eye") == ""
     assert all(bench.change_state(label) for label in (*go, "activate"))
     bench.connect()
-    bench.send_until(lambda: bench.depth and bench.depth[-1].encoding == "16UC1", what="16UC1")
+    assert bench.await_depth(lambda: bench.send_pair(bench.image(frame_id=""))).header.frame_id == "eye"
 
 
 @pytest.mark.parametrize(
     ("line", "expected", "mended"),
     [
-        ("image_transport: zip", "the parameter image_transport must be one of raw, compressed, got 'zip'", "raw"),
+        ("image_transport: zip", "image_transport must be one of raw, compressed, compressed_topic, got 'zip'", "raw"),
         ("max_wait_s: 99", "the parameter max_wait_s must be within 0 and 10, got 99", 0.02),
         ("threads: two", "the parameter threads must be a whole number, got 'two'", 1),
         ("image_topic: 'a b'", "expected the name of a topic in the parameters, got 'a b'", "image"),
