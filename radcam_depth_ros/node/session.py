@@ -74,7 +74,6 @@ class Session:
         self._problems = problems
         self._clock = ArrivalClock(node)
         self._images: OrderedDict[int, tuple[int, int]] = OrderedDict()  # by stamp: when it came and was decoded
-        self.started_ns = time.monotonic_ns()
         self.rates = {source.part: Rate() for source in inputs}
         """Messages of each part, good ones and bad ones."""
         self.accepted = {source.part: 0 for source in inputs}
@@ -98,6 +97,8 @@ class Session:
         except Exception:
             self.close()
             raise
+        # The first subscriptions of a process can take seconds, in which nothing could come.
+        self.started_ns = time.monotonic_ns()
 
     @property
     def frames_dropped(self) -> int:
