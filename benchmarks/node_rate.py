@@ -182,7 +182,7 @@ def measure(camera: CameraModel, options: argparse.Namespace) -> Rate:
             parameters[name] = yaml.safe_load(value)
         file = Path(folder) / "node.yaml"
         file.write_text(yaml.safe_dump({"radcam_depth": {"ros__parameters": parameters}}), encoding="utf-8")
-        with NodeProcess(file, Path(folder) / "node.log", {}) as process, _spinning() as (node, executor):
+        with NodeProcess(file, Path(folder) / "node.log") as process, _spinning() as (node, executor):
             feeder = Feeder(node, camera, options.points)
             _await_depth(feeder, process, executor)
             return _count(feeder, process, executor, camera, options)

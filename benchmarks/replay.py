@@ -21,6 +21,7 @@ from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.drive import DriveSettings, read_samples
 from radcam_depth_ros.engine import apart
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.pipeline import OutputConfig
 from radcam_depth_ros.replay import ReplayOptions, replay
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 
@@ -73,7 +74,7 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     estimator = Estimator(EstimatorConfig(model_file=str(options.model or "")))
-    written = ReplayOptions(compress=options.compress, depth_encoding=options.encoding)
+    written = ReplayOptions(compress=options.compress, output=OutputConfig(options.encoding))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bag = options.bag or simulated(folder / "drive", options.frames)

@@ -88,7 +88,7 @@ def _run(plan: Plan, rate: float | None, recording: Path, out: Path) -> Traffic:
     parameters = out / "node.yaml"
     plan.write_parameters(parameters)
     with contextlib.ExitStack() as stack:
-        process = stack.enter_context(NodeProcess(parameters, out / "node.log", plan.remappings))
+        process = stack.enter_context(NodeProcess(parameters, out / "node.log"))
         node = stack.enter_context(ros_node())
         recorder = stack.enter_context(Recorder(node, OUTPUTS, OTHERS, recording))
         player = Player(node, [PlayedTopic(*topic) for topic in plan.played.items()], rate or 1.0)

@@ -9,7 +9,7 @@ import yaml
 
 from radcam_depth_ros.bags import BagReader, SensorTopics, find_topics, read_static_transforms
 from radcam_depth_ros.geometry import TransformTree, ground_plane
-from radcam_depth_ros.inspection import extrinsic_parameters, ground_parameters, image_remapping, topic_parameters
+from radcam_depth_ros.inspection import extrinsic_parameters, ground_parameters, topic_parameters
 
 FOOTPRINT_FRAME = "base_footprint"  # REP 105
 NODE_NAME = "radcam_depth"
@@ -25,7 +25,6 @@ class Plan:
         played: Topic to type of what is played.
         images: How many images there are.
         parameters: The node's parameters.
-        remappings: Topic names that the node gets in place of its own.
     """
 
     bag: Path
@@ -33,7 +32,6 @@ class Plan:
     played: dict[str, str]
     images: int
     parameters: dict[str, object]
-    remappings: dict[str, str]
 
     def write_parameters(self, path: Path) -> None:
         """Writes the parameters as a ROS parameter file."""
@@ -60,14 +58,13 @@ def plan_drive(bag: Path, model: Path | None = None) -> Plan:
         parameters: dict[str, object] = {"use_sim_time": True}
         if model is not None:
             parameters["model_file"] = str(model.resolve())
-        image_type = played[sensors.image]
-        parameters.update(topic_parameters(sensors.image, image_type, sensors.camera_info, sensors.radars))
+        image, image_type = sensors.image, played[sensors.image]
+        parameters.update(topic_parameters(image, image_type, sensors.camera_info, sensors.radars))
         # A best-effort reader, the node's default, loses what comes before it knows the player, which knows it already.
         parameters.update({f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in played})
         parameters.update(_extrinsics(reader, sensors, transforms))
         images = reader.count([sensors.image])
-    remapping = image_remapping(sensors.image, image_type)
-    return Plan(bag, sensors, played, images, parameters, dict([remapping]) if remapping else {})
+    return Plan(bag, sensors, played, images, parameters)
 
 
 def _played(sensors: SensorTopics) -> tuple[str, ...]:

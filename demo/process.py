@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
@@ -22,22 +21,13 @@ class NodeProcess:
     Args:
         parameters: Its parameter file.
         log: Where its log goes.
-        remappings: Topic names in place of the node's own.
         command: What to run in place of the node.
     """
 
-    def __init__(
-        self,
-        parameters: Path,
-        log: Path,
-        remappings: Mapping[str, str],
-        command: tuple[str, ...] = (),
-    ) -> None:
+    def __init__(self, parameters: Path, log: Path, command: tuple[str, ...] = ()) -> None:
         # As the installed executable does it, also where the package is on the path without being installed.
         start = "import sys; from radcam_depth_ros.node import main; sys.exit(main())"
         arguments = ["--ros-args", "--params-file", str(parameters)]
-        for name, other in remappings.items():
-            arguments += ["-r", f"{name}:={other}"]
         self._command = command or (sys.executable, "-c", start, *arguments)
         self._log = log
 

@@ -33,8 +33,8 @@ def numbers(text: str) -> list[float]:
 # the parameter files.
 SETS: dict[str, tuple[str, Callable[[str], Any], str]] = {
     "image": ("image_topic", str, "Topic of the camera's images, such as /front/image_raw."),
-    "image_transport": ("image_transport", str, "raw or compressed."),
-    "camera_info": ("camera_info_topic", str, "Topic of the camera's calibration."),
+    "image_transport": ("image_transport", str, "raw, compressed or compressed_topic."),
+    "camera_info": ("camera_info_topic", str, "Topic of the camera's calibration; camera_info beside image by itself."),
     "radar_topics": ("radar_topics", topics, 'Topics of the radars, separated by commas; "," for none.'),
     "image_is_rectified": ("image_is_rectified", is_true, "true for images without distortion, as image_rect topics."),
     "camera_frame": ("camera_frame", str, "Frame of images whose frame_id is empty."),
@@ -45,6 +45,8 @@ SETS: dict[str, tuple[str, Callable[[str], Any], str]] = {
     "radar_time_offset_s": ("radar_time_offset_s", float, "Added to the radars' stamps."),
     "depth_encoding": ("depth_encoding", str, "32FC1 (metres) or 16UC1 (millimetres)."),
     "output_size": ("output_size", str, "native or network."),
+    "points_stride": ("points_stride", int, "depth/points has a point for each square of so many pixels' width."),
+    "without_radar": ("without_radar", str, "Images without radar returns: camera_only, hold or suppress."),
     "network": ("network", str, "Network whose weights come with the package."),
     "model_file": ("model_file", str, "Weight file in place of the one that comes with the package."),
     "device": ("device", str, "cpu, cuda, cuda:1 ..."),
@@ -65,9 +67,10 @@ OTHERS = {
 CHOICES = {
     **dict.fromkeys(("image_is_rectified", "autostart"), EITHER),
     **dict.fromkeys(("use_sim_time", "respawn", "rviz"), EITHER[1:]),
-    "image_transport": ("", "raw", "compressed"),
+    "image_transport": ("", "raw", "compressed", "compressed_topic"),
     "depth_encoding": ("", "32FC1", "16UC1"),
     "output_size": ("", "native", "network"),
+    "without_radar": ("", "camera_only", "hold", "suppress"),
     "log_level": ("debug", "info", "warn", "error", "fatal"),
 }
 # What rviz/radcam_depth.rviz shows; a node in a namespace has them there.

@@ -15,7 +15,7 @@ PACKAGE = "radcam_depth_ros"
 # Arguments of depth.launch.py that all cameras get alike. name: (default, description).
 PASSED_ON = {
     "image": ("image_raw", "Topic of the images, relative to a camera's namespace."),
-    "image_transport": ("", "raw or compressed."),
+    "image_transport": ("", "raw, compressed or compressed_topic."),
     "camera_info": ("camera_info", "Topic of the calibration, relative to a camera's namespace."),
     "radar_topics": (
         "/radar/points",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -24,6 +24,8 @@ from radcam_depth_ros.networks.archive import Archive, Card
 from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, resample_image, use_one_thread
 
 OUTPUT_SIZES = ("native", "network")
+ADJUSTABLE = ("output_size",)
+"""What of `EstimatorConfig` can change while a network is loaded."""
 
 
 class EstimatorError(RadcamDepthError):
@@ -124,6 +126,20 @@ class Estimator:
             torch.set_num_threads(self.config.threads)
         self.card, self._engine = apart(partial(_load, self.config, loaded))
         self._plans: dict[CameraModel, CanonicalCamera] = {}
+
+    def can_adjust(self, config: EstimatorConfig) -> bool:
+        """Whether this network, as it is loaded, serves another config; else one must be loaded for it."""
+        return replace(config, **{name: getattr(self.config, name) for name in ADJUSTABLE}) == self.config
+
+    def adjust(self, config: EstimatorConfig) -> None:
+        """Takes up a config that differs in what is `ADJUSTABLE`, from the next frame that is finished on.
+
+        Raises:
+            EstimatorError: when another network would have to be loaded.
+        """
+        if not self.can_adjust(config):
+            raise EstimatorError(f"only {', '.join(ADJUSTABLE)} can change while a network is loaded; load it anew")
+        self.config = config
 
     def describe(self) -> str:
         """One line: which network, trained on what, running where and in which number format."""

@@ -124,6 +124,12 @@ class TransformTree:
         """All frames that are known, sorted."""
         return tuple(sorted({*self._parent, *(parent for parent, _ in self._parent.values())}))
 
+    def copy(self) -> TransformTree:
+        """Another tree with the frames as they are now."""
+        tree = TransformTree()
+        tree._parent.update(self._parent)
+        return tree
+
     def parent_of(self, frame: str) -> str | None:
         """The frame that a frame is fixed to; None for the root of a tree and for a frame that is not known."""
         link = self._parent.get(frame.lstrip("/"))

@@ -5,14 +5,15 @@ The live node and the replay of a bag both drive it, so that both give the same 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, ImageArray, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.intake import Intake, IntakeConfig
 from radcam_depth_ros.messages import (
+    COLORMAPS,
     DEPTH_ENCODINGS,
     MessageFactory,
     encode_camera_info,
@@ -42,30 +43,54 @@ class PipelineError(RadcamDepthError):
 
 
 @dataclass(frozen=True)
-class PipelineConfig(IntakeConfig):
-    """What the pipeline reads, see `IntakeConfig`, and how it writes.
+class OutputConfig:
+    """How depth is written.
 
     Attributes:
         depth_encoding: `32FC1` metres with NaN for "no value", or `16UC1` millimetres with 0.
-        preview_near_m: Depth of the preview's warmest colour, metres.
-        preview_far_m: Depth of the preview's coldest colour, metres.
+        preview_colormap: Colours of the preview, one of `COLORMAPS`.
+        preview_near_m: What is nearer, in metres, has the preview's first colour.
+        preview_far_m: What is further, in metres, has the preview's last colour.
+        points_stride: The point cloud has a point for each square of so many pixels' width.
+        points_near_m: What is nearer, in metres, gives no point.
+        points_far_m: What is further, in metres, gives no point.
     """
 
     depth_encoding: str = "32FC1"
+    preview_colormap: str = "turbo"
     preview_near_m: float = 2.0
     preview_far_m: float = 80.0
+    points_stride: int = 1
+    points_near_m: float = 0.0
+    points_far_m: float = 1000.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.depth_encoding not in DEPTH_ENCODINGS:
-            raise PipelineError(
-                f"depth_encoding must be one of {', '.join(DEPTH_ENCODINGS)}, got {self.depth_encoding!r}"
-            )
+        for name, known in (("depth_encoding", DEPTH_ENCODINGS), ("preview_colormap", COLORMAPS)):
+            if getattr(self, name) not in known:
+                raise PipelineError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
         if not 0 < self.preview_near_m < self.preview_far_m:
             raise PipelineError(
                 f"the preview needs 0 < preview_near_m < preview_far_m, got {self.preview_near_m} and "
                 f"{self.preview_far_m}"
             )
+        if self.points_stride < 1:
+            raise PipelineError(f"points_stride must be 1 (each pixel) or more, got {self.points_stride}")
+        if not 0 <= self.points_near_m < self.points_far_m:
+            raise PipelineError(
+                f"the point cloud needs 0 <= points_near_m < points_far_m, got {self.points_near_m} and "
+                f"{self.points_far_m}"
+            )
+
+
+@dataclass(frozen=True)
+class PipelineConfig(IntakeConfig):
+    """What the pipeline reads, see `IntakeConfig`, and how it writes.
+
+    Attributes:
+        output: How it writes.
+    """
+
+    output: OutputConfig = field(default_factory=OutputConfig)
 
 
 @dataclass(frozen=True)
@@ -99,7 +124,8 @@ class DepthMessages:
 class Pipeline(Intake):
     """Messages in, depth messages out.
 
-    Not for several threads at once, with one exception: `process` may run in one thread while another calls the rest.
+    Not for several threads at once, with one exception: `process` or its halves may run in one thread while another
+    calls the rest.
 
     Args:
         config: What to read and how to write.
@@ -107,9 +133,11 @@ class Pipeline(Intake):
         factory: Builds the outgoing messages.
     """
 
+    config: PipelineConfig
+    ADJUSTABLE: ClassVar[tuple[str, ...]] = (*Intake.ADJUSTABLE, "output")
+
     def __init__(self, config: PipelineConfig, estimator: Estimator, factory: MessageFactory) -> None:
         super().__init__(config)
-        self._output = config
         self._estimator = estimator
         self._factory = factory
 
@@ -119,8 +147,8 @@ class Pipeline(Intake):
 
     def process(
         self, frame: Frame, *, preview: bool = False, points: bool = False, classes: bool = False
-    ) -> DepthMessages:
-        """Estimates a frame's depth and writes it as messages.
+    ) -> DepthMessages | None:
+        """Estimates a frame's depth and writes it as messages; None where it is suppressed, see `estimate`.
 
         Args:
             frame: From `accept`, `expire` or `flush`.
@@ -131,8 +159,30 @@ class Pipeline(Intake):
         Raises:
             RadcamDepthError: when the network cannot be given this frame.
         """
+        result = self.estimate(frame, classes=classes)
+        return None if result is None else self.encode(frame, result, preview=preview, points=points)
+
+    def estimate(self, frame: Frame, *, classes: bool = False) -> DepthResult | None:
+        """Estimates a frame's depth: the first half of `process`, which `encode` follows.
+
+        Args:
+            frame: From `accept`, `expire` or `flush`.
+            classes: Whether to make the class image, where the network tells.
+
+        Returns:
+            The depth; None of a frame without radar returns in view where `without_radar` is `suppress`.
+
+        Raises:
+            RadcamDepthError: when the network cannot be given this frame.
+        """
+        if self.is_suppressed(len(frame.radar)):
+            return None
         result = self._estimator.estimate(frame, classes=classes)
-        return self.encode(frame, result, preview=preview, points=points)
+        return None if self.is_suppressed(result.radar_in_view) else result
+
+    def is_suppressed(self, returns: int) -> bool:
+        """Whether a frame with so many radar returns in view is to give no depth."""
+        return not returns and self.config.without_radar == "suppress"
 
     def encode(
         self, frame: Frame, result: DepthResult, *, preview: bool = False, points: bool = False
@@ -145,7 +195,7 @@ class Pipeline(Intake):
             preview: Whether to draw the depth in colours.
             points: Whether to make a point cloud.
         """
-        factory, config, stamp = self._factory, self._output, (frame.stamp_ns, frame.frame_id)
+        factory, config, stamp = self._factory, self.config.output, (frame.stamp_ns, frame.frame_id)
         camera_info = encode_camera_info(factory, result.camera, *stamp)
         return DepthMessages(
             result=result,
@@ -154,10 +204,26 @@ class Pipeline(Intake):
             semi_dense=encode_depth(factory, result.semi_dense, *stamp, encoding=config.depth_encoding),
             semi_dense_camera_info=camera_info,
             confidence=encode_confidence(factory, result.confidence, *stamp),
-            preview=encode_preview(factory, result.dense, config.preview_near_m, config.preview_far_m, *stamp)
+            preview=encode_preview(
+                factory,
+                result.dense,
+                config.preview_near_m,
+                config.preview_far_m,
+                *stamp,
+                colormap=config.preview_colormap,
+            )
             if preview
             else None,
-            points=encode_cloud(factory, result.dense, image_at(frame, result.camera), result.camera, *stamp)
+            points=encode_cloud(
+                factory,
+                result.dense,
+                image_at(frame, result.camera),
+                result.camera,
+                *stamp,
+                stride=config.points_stride,
+                near_m=config.points_near_m,
+                far_m=config.points_far_m,
+            )
             if points
             else None,
             classes=None if result.classes is None else encode_image(factory, result.classes, *stamp),

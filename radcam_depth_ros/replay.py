@@ -9,7 +9,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,7 +20,7 @@ from radcam_depth_ros.drive import DriveSettings, DriveWarning, motion_topics, p
 from radcam_depth_ros.estimator import Estimator, NetworkInputs
 from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS, Pipeline, PipelineConfig
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS, OutputConfig, Pipeline, PipelineConfig
 
 _FRAMES_UNDER_WAY = 2
 """One that the network is given while another is written; more would only cost memory."""
@@ -33,7 +33,7 @@ class ReplayOptions:
 
     Attributes:
         namespace: Put before the depth topics, `/` for the node's own names.
-        depth_encoding: As in PipelineConfig.
+        output: How depth is written.
         passthrough: Copy all messages of the input as well.
         preview: Write the preview too.
         points: Write the point cloud too.
@@ -42,7 +42,7 @@ class ReplayOptions:
     """
 
     namespace: str = "/"
-    depth_encoding: str = "32FC1"
+    output: OutputConfig = field(default_factory=OutputConfig)
     passthrough: bool = False
     preview: bool = False
     points: bool = False
@@ -58,7 +58,7 @@ class ReplaySummary:
         topics: The sensors that were read.
         images: Images in the input.
         frames: Depth images written.
-        without_radar: Those of them that had no radar return in view.
+        without_radar: Images that had no radar return in view; with `without_radar: suppress` they have no depth image.
     """
 
     topics: SensorTopics
@@ -91,7 +91,7 @@ def replay(
     settings, options = settings or DriveSettings(), options or ReplayOptions()
     with BagReader(source) as reader:
         topics = settings.topics(reader)
-        config = PipelineConfig(**settings.intake(topics).__dict__, depth_encoding=options.depth_encoding)
+        config = PipelineConfig(**settings.intake(topics).__dict__, output=options.output)
         pipeline = Pipeline(config, estimator, factory)
         prime(reader, pipeline, topics)
         images = reader.count([topics.image])
@@ -121,7 +121,8 @@ def replay(
                 line.process(frame, now_ns)
     if pipeline.unmoved_frames:
         warnings.warn(f"{source}: {unmoved(pipeline, line.done)}", DriveWarning, stacklevel=2)
-    return ReplaySummary(topics, images, line.done, line.without_radar)
+    suppressed = line.without_radar if pipeline.is_suppressed(0) else 0
+    return ReplaySummary(topics, images, line.done - suppressed, line.without_radar)
 
 
 class _Line:
@@ -138,7 +139,7 @@ class _Line:
 
     Attributes:
         taken: Frames taken in.
-        done: Frames written.
+        done: Frames that are done.
         without_radar: Those of them that had no radar return in view.
     """
 
@@ -198,6 +199,8 @@ class _Line:
 
     def _write(self, inputs: NetworkInputs, depths: Future[Depths], now_ns: int) -> DepthResult:
         result = self._estimator.finish(inputs, depths.result())
+        if self._pipeline.is_suppressed(result.radar_in_view):
+            return result
         options = self._options
         messages = self._pipeline.encode(inputs.frame, result, preview=options.preview, points=options.points)
         prefix = options.namespace.rstrip("/") + "/"

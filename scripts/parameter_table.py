@@ -15,8 +15,10 @@ def render(text: str) -> str:
     """The README's text with the table of parameters as they are now."""
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    rows = "".join(f"| `{spec.name}` | {_default(spec.default)} | {_meaning(spec)} |\n" for spec in PARAMETERS)
-    return f"{before}{BEGIN}| parameter | default | |\n| --- | --- | --- |\n{rows}{END}{after}"
+    rows = "".join(
+        f"| `{spec.name}` | {_default(spec.default)} | {_live(spec)} | {_meaning(spec)} |\n" for spec in PARAMETERS
+    )
+    return f"{before}{BEGIN}| parameter | default | live | |\n| --- | --- | --- | --- |\n{rows}{END}{after}"
 
 
 def _default(value: Any) -> str:
@@ -25,6 +27,10 @@ def _default(value: Any) -> str:
     if isinstance(value, tuple):
         return f"`[{', '.join(str(item) for item in value)}]`"
     return f"`{value}`" if value != "" else '`""`'
+
+
+def _live(spec: ParameterSpec) -> str:
+    return "yes" if spec.is_adjustable else ""
 
 
 def _meaning(spec: ParameterSpec) -> str:

@@ -11,10 +11,17 @@ from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_im
 
 from radcam_depth_ros.bags import factory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
-from radcam_depth_ros.frame import Frame, RadcamDepthError
+from radcam_depth_ros.frame import Frame, RadarReturns, RadcamDepthError
 from radcam_depth_ros.intake import IntakeError
-from radcam_depth_ros.messages import StampedTransform, decode_classes, decode_depth, encode_points, encode_transforms
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS, Pipeline, PipelineConfig, PipelineError
+from radcam_depth_ros.messages import (
+    StampedTransform,
+    decode_classes,
+    decode_depth,
+    decode_image,
+    encode_points,
+    encode_transforms,
+)
+from radcam_depth_ros.pipeline import OUTPUT_TOPICS, OutputConfig, Pipeline, PipelineConfig, PipelineError
 
 CONFIG = PipelineConfig(image="/camera/image_raw", camera_info="/camera/camera_info", radars=("/radar/points",))
 TF = encode_transforms(factory, [StampedTransform("camera", "radar", 0, CAMERA_FROM_RADAR)])
@@ -76,6 +83,41 @@ def test_the_class_image_is_made_where_the_network_tells_and_somebody_wants_it(
     assert image.header == messages.depth.header
     np.testing.assert_array_equal(decode_classes(image).classes, messages.result.classes)
     assert primed(estimator).process(frame, classes=True).classes is None
+
+
+def test_outputs_change_while_frames_come(estimator: Estimator) -> None:
+    pipeline = primed(estimator)
+    (frame,) = feed(pipeline, 0)
+    before = pipeline.process(frame, preview=True, points=True)
+    output = OutputConfig("16UC1", "grey", 5.0, 50.0, points_stride=8, points_near_m=1.0, points_far_m=900.0)
+    pipeline.adjust(replace(CONFIG, output=output, without_radar="hold"))
+    after = pipeline.process(frame, preview=True, points=True)
+    assert before is not None
+    assert after is not None
+    assert (before.depth.encoding, after.depth.encoding, after.semi_dense.encoding) == ("32FC1", "16UC1", "16UC1")
+    grey = decode_image(after.preview).image
+    assert (grey[..., 0] == grey[..., 2]).all()
+    dense = after.result.dense[4::8, 4::8]
+    assert after.points.width == ((dense >= 1) & (dense <= 900)).sum() < before.points.width / 60
+    with pytest.raises(IntakeError, match="without_radar, max_hold_s, output and limits of pairing can change"):
+        pipeline.adjust(replace(CONFIG, image="/other"))
+
+
+def test_an_image_without_radar_is_suppressed_where_that_is_wanted(
+    estimator: Estimator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = replace(CONFIG, without_radar="suppress")
+    pipeline = primed(estimator, config)
+    (frame,) = feed(pipeline, 0)
+    assert pipeline.process(frame) is not None
+    behind = replace(frame, radar=RadarReturns.from_points([[0.0, 0.0, -5.0]]), radar_counts=())
+    assert pipeline.process(behind) is None
+    empty = replace(frame, radar=RadarReturns.empty(), radar_counts=())
+    monkeypatch.setattr(estimator, "run", lambda inputs: pytest.fail("the network ran for nothing"))
+    assert pipeline.process(empty) is None
+    monkeypatch.undo()
+    pipeline.adjust(CONFIG)
+    assert pipeline.process(empty) is not None
 
 
 def test_extrinsics_and_height_by_parameter(estimator: Estimator) -> None:
@@ -202,9 +244,7 @@ def test_points_that_are_no_points(estimator: Estimator) -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"depth_encoding": "8UC1"}, "depth_encoding must be one of 32FC1, 16UC1, got '8UC1'"),
         ({"camera_from_radar": (1.0, 2.0)}, "7 numbers, got 2"),
-        ({"preview_near_m": 9.0, "preview_far_m": 3.0}, "preview_near_m"),
         ({"camera_height_m": -1.0}, "camera_height_m"),
         ({"radars": ("/a", "/a")}, "different topics"),
     ],
@@ -212,3 +252,18 @@ def test_points_that_are_no_points(estimator: Estimator) -> None:
 def test_settings_that_do_not_fit(values: dict[str, Any], message: str) -> None:
     with pytest.raises((PipelineError, IntakeError), match=message):
         PipelineConfig(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"depth_encoding": "8UC1"}, "depth_encoding must be one of 32FC1, 16UC1, got '8UC1'"),
+        ({"preview_colormap": "pink"}, "preview_colormap must be one of turbo, .*grey, got 'pink'"),
+        ({"preview_near_m": 9.0, "preview_far_m": 3.0}, "preview_near_m < preview_far_m, got 9.0 and 3.0"),
+        ({"points_stride": 0}, "points_stride must be 1"),
+        ({"points_near_m": 9.0, "points_far_m": 9.0}, "points_near_m < points_far_m, got 9.0 and 9.0"),
+    ],
+)
+def test_ways_to_write_that_do_not_fit(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(PipelineError, match=message):
+        OutputConfig(**values)

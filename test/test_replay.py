@@ -7,14 +7,21 @@ import numpy as np
 import pytest
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS
 
-from radcam_depth_ros.bags import BagError, BagReader
+from radcam_depth_ros.bags import BagError, BagReader, BagWriter, factory
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.drive import DriveError, DriveSettings, DriveWarning, read_samples
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, NetworkInputs
 from radcam_depth_ros.frame import Frame, RadcamDepthError
-from radcam_depth_ros.messages import MessageError, decode_classes, decode_depth
+from radcam_depth_ros.messages import (
+    MessageError,
+    StampedTransform,
+    decode_classes,
+    decode_depth,
+    decode_image,
+    encode_transforms,
+)
 from radcam_depth_ros.pairing import PairingConfig
-from radcam_depth_ros.pipeline import Pipeline
+from radcam_depth_ros.pipeline import OutputConfig, Pipeline
 from radcam_depth_ros.replay import ReplayOptions, replay
 
 WriteDrive = Callable[..., Path]
@@ -69,9 +76,47 @@ def test_classes_are_written_where_the_network_tells_them(
         assert reading.classes.max() < len(CLASS_NAMES)
 
 
+def test_outputs_as_they_are_asked_for(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", frames=1)
+    output = OutputConfig(preview_colormap="grey", points_stride=8)
+    replay(drive, tmp_path / "out.mcap", estimator, options=ReplayOptions(preview=True, points=True, output=output))
+    with BagReader(tmp_path / "out.mcap") as reader:
+        found = {message.topic: message.message for message in reader.messages()}
+    assert found["/depth/points"].width == CAMERA.width * CAMERA.height // 64
+    preview = decode_image(found["/depth/preview"]).image
+    assert (preview[..., 0] == preview[..., 1]).all()
+
+
+def test_images_without_radar_have_no_depth_where_they_are_suppressed(
+    tmp_path: Path, write_drive: WriteDrive, estimator: Estimator
+) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", frames=3)
+    settings = DriveSettings(without_radar="suppress", pairing=PairingConfig(max_time_offset_s=0.01))
+    seen: list[int] = []
+    summary = replay(drive, tmp_path / "out.mcap", estimator, settings, progress=lambda done, _: seen.append(done))
+    assert (summary.images, summary.frames, summary.without_radar, seen) == (3, 0, 3, [1, 2, 3])
+    held = DriveSettings(without_radar="hold", pairing=PairingConfig(max_time_offset_s=0.03))
+    assert replay(drive, tmp_path / "held.mcap", estimator, held).without_radar == 0
+
+
+def test_where_the_radar_is_may_come_by_tf(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
+    drive = write_drive(tmp_path / "drive.mcap", frames=2, without=("/tf_static",))
+    message = encode_transforms(factory, [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)])
+    with BagReader(drive) as reader, BagWriter(tmp_path / "moving.mcap") as writer:
+        writer.write("/tf", message, START_NS - 200_000_000)
+        for recorded in reader.messages():
+            writer.copy(recorded)
+    assert replay(tmp_path / "moving.mcap", tmp_path / "out.mcap", estimator).without_radar == 0
+
+
 def test_passthrough_keeps_the_inputs(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
     drive = write_drive(tmp_path / "drive", frames=2)
-    replay(drive, tmp_path / "out", estimator, options=ReplayOptions(passthrough=True, depth_encoding="16UC1"))
+    replay(
+        drive,
+        tmp_path / "out",
+        estimator,
+        options=ReplayOptions(passthrough=True, output=OutputConfig(depth_encoding="16UC1")),
+    )
     with BagReader(tmp_path / "out") as reader:
         counts = {topic.name: topic.count for topic in reader.topics}
     assert counts["/camera/image_raw"] == counts["/ground_truth/depth"] == counts["/depth/image_rect"] == 2

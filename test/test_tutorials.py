@@ -161,7 +161,7 @@ def test_foxglove_shows_topics_that_exist() -> None:
         str(panel.get("imageMode", {}).get("calibrationTopic", "/depth/camera_info")) for panel in panels.values()
     }
     topics |= {topic for panel in panels.values() for topic in panel.get("topics", {})}
-    known = {f"/{topic}" for topic in (*TOPICS, PipelineConfig().camera_info)}
+    known = {f"/{topic}" for topic in (*TOPICS, PipelineConfig().calibration_topic)}
     assert topics <= known
     assert {"/depth/preview", "/depth/points"} <= topics
     assert any(panel.get("topicToRender") == "/diagnostics" for panel in panels.values())

@@ -36,11 +36,13 @@ class _RateColumn(ProgressColumn):
         return Text(f"{task.speed:.1f}/s" if task.speed else "-/s", style="progress.data.speed")
 
 
-def load_estimator(network: str, model: Path | None, device: str, precision: str) -> Estimator:
-    """The estimator that --network, --model, --device and --precision ask for."""
+def load_estimator(
+    network: str, model: Path | None, device: str, precision: str, output_size: str = "native"
+) -> Estimator:
+    """The estimator that --network, --model, --device, --precision and --output-size ask for."""
     from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 
-    config = EstimatorConfig(network=network, model_file=str(model or ""), device=device, precision=precision)
+    config = EstimatorConfig(network, str(model or ""), device, precision, output_size=output_size)
     return Estimator(config)
 
 

@@ -34,10 +34,25 @@ def replay(
     radar_sweeps: Annotated[
         int, typer.Option(help="Sweeps of each radar for an image, moved by the bag's odometry where they are several.")
     ] = 1,
+    without_radar: Annotated[
+        str, typer.Option(help="Images without radar returns: camera_only, hold (the last sweep) or suppress.")
+    ] = "camera_only",
     encoding: Annotated[str, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).")] = "32FC1",
+    output_size: Annotated[
+        str, typer.Option(help="native, or network: the size that the network works at.")
+    ] = "native",
     passthrough: Annotated[bool, typer.Option("--passthrough", help="Copy the input's messages as well.")] = False,
     preview: Annotated[bool, typer.Option("--preview", help="Write depth in colours as well.")] = False,
+    colormap: Annotated[str, typer.Option(help="Colours of the preview: turbo, viridis, grey ...")] = "turbo",
+    preview_range: Annotated[
+        tuple[float, float], typer.Option(help="Depths of the preview's first and last colour, metres.")
+    ] = (2.0, 80.0),
     points: Annotated[bool, typer.Option("--points", help="Write point clouds as well.")] = False,
+    points_stride: Annotated[int, typer.Option(help="A point for each square of so many pixels' width.")] = 1,
+    points_range: Annotated[tuple[float, float], typer.Option(help="Depths of the first and last point, metres.")] = (
+        0.0,
+        1000.0,
+    ),
     compress: Annotated[bool, typer.Option("--compress", help="Write a smaller bag, which takes longer.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
 ) -> None:
@@ -48,19 +63,31 @@ def replay(
     from radcam_depth_ros import replay as replaying
     from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.pairing import PairingConfig
+    from radcam_depth_ros.pipeline import OutputConfig
 
     settings = DriveSettings(
-        image=image, radars=tuple(radar) if radar else None, pairing=PairingConfig(radar_sweeps=radar_sweeps)
+        image=image,
+        radars=tuple(radar) if radar else None,
+        without_radar=without_radar,
+        pairing=PairingConfig(radar_sweeps=radar_sweeps),
     )
     options = replaying.ReplayOptions(
-        depth_encoding=encoding,
+        output=OutputConfig(
+            depth_encoding=encoding,
+            preview_colormap=colormap,
+            preview_near_m=preview_range[0],
+            preview_far_m=preview_range[1],
+            points_stride=points_stride,
+            points_near_m=points_range[0],
+            points_far_m=points_range[1],
+        ),
         passthrough=passthrough,
         preview=preview,
         points=points,
         overwrite=overwrite,
         compress=compress,
     )
-    estimator = load_estimator(network, model, device, precision)
+    estimator = load_estimator(network, model, device, precision, output_size)
     with progress_bar() as progress:
         task = progress.add_task("replaying", total=None)
         summary = replaying.replay(

@@ -40,12 +40,9 @@ def prime(reader: BagReader, intake: Intake, topics: SensorTopics) -> None:
 
 
 def motion_topics(topics: SensorTopics, config: IntakeConfig) -> dict[str, str]:
-    """The topic of a bag that tells how the vehicle moves, by what an intake calls it; none where it does not ask."""
-    if not config.moves_radar:
-        return {}
-    if config.odometry:
-        return {config.odometry: config.odometry}
-    return {topics.tf: "/tf"} if topics.tf else {}
+    """The topics of a bag that tell how the vehicle and the sensors on it move, by what an intake calls them."""
+    odometry = {config.odometry: config.odometry} if config.moves_radar and config.odometry else {}
+    return {**odometry, **({topics.tf: "/tf"} if topics.tf else {})}
 
 
 def unmoved(intake: Intake, frames: int) -> str:
@@ -78,8 +75,10 @@ def read_samples(
         config = settings.intake(topics)
         intake, moving = Intake(config), motion_topics(topics, config)
         prime(reader, intake, topics)
-        accumulator = Accumulator(ahead, topics, intake.transforms, settings.accumulation)
-        truth = GroundTruth(topics, settings, intake.transforms, accumulator, tell)
+        # What is fixed, without the links of /tf that the intake adds.
+        fixed = intake.transforms.copy()
+        accumulator = Accumulator(ahead, topics, fixed, settings.accumulation)
+        truth = GroundTruth(topics, settings, fixed, accumulator, tell)
         fit = _Fit(topics, settings, intake, truth)
         waiting: deque[Frame] = deque()
         wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics, *moving}

@@ -80,6 +80,8 @@ class DriveSettings:
         radar_fields: As in IntakeConfig.
         radar_motion_compensation: As in IntakeConfig.
         odom_frame: As in IntakeConfig.
+        without_radar: As in IntakeConfig.
+        max_hold_s: As in IntakeConfig.
         pairing: How images find their radar sweeps.
     """
 
@@ -103,6 +105,8 @@ class DriveSettings:
     radar_fields: str | tuple[str, ...] = ""
     radar_motion_compensation: bool = False
     odom_frame: str = "odom"
+    without_radar: str = "camera_only"
+    max_hold_s: float = 0.5
     pairing: PairingConfig = field(default_factory=PairingConfig)
 
     def __post_init__(self) -> None:
@@ -141,5 +145,7 @@ class DriveSettings:
             radar_motion_compensation=self.radar_motion_compensation,
             odometry=topics.odometry or "",
             odom_frame=self.odom_frame,
+            without_radar=self.without_radar,
+            max_hold_s=self.max_hold_s,
             pairing=self.pairing,
         )

@@ -15,7 +15,6 @@ from radcam_depth_ros.inspection.suggestion import (
     Suggestion,
     extrinsic_parameters,
     ground_parameters,
-    image_remapping,
     topic_parameters,
 )
 from radcam_depth_ros.inspection.survey import survey
@@ -33,7 +32,6 @@ __all__ = [
     "check_parameters",
     "extrinsic_parameters",
     "ground_parameters",
-    "image_remapping",
     "render_parameters",
     "survey",
     "topic_parameters",

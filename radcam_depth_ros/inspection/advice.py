@@ -6,17 +6,15 @@ import math
 from collections.abc import Sequence
 
 from radcam_depth_ros.geometry import TransformTree
-from radcam_depth_ros.inspection.findings import CLOCK_CERTAIN_MS, CLOCK_WARNING_MS
 from radcam_depth_ros.inspection.report import CameraFacts, ExtrinsicFacts, OffsetFacts, TopicFacts
 from radcam_depth_ros.inspection.roles import Roles
 from radcam_depth_ros.inspection.suggestion import (
     Setting,
     Suggestion,
     extrinsic_parameters,
-    image_remapping,
     topic_parameters,
 )
-from radcam_depth_ros.pairing import PairingConfig
+from radcam_depth_ros.pairing import CLOCK_CERTAIN_S, CLOCK_WARNING_S, PairingConfig
 
 _LARGEST_OFFSET_S = 10.0
 """What the parameters for time take at most."""
@@ -48,8 +46,7 @@ def suggest(
         )
     settings += _extrinsics(extrinsics, transforms)
     settings += _pairing(topics, offsets)
-    remapping = image_remapping(roles.image, image_type)
-    return Suggestion(tuple(settings), ":=".join(remapping) if remapping else "")
+    return Suggestion(tuple(settings))
 
 
 def _extrinsics(extrinsics: Sequence[ExtrinsicFacts], transforms: TransformTree) -> list[Setting]:
@@ -79,12 +76,12 @@ def _clock(offsets: Sequence[OffsetFacts]) -> list[Setting]:
     """One value for all radars, which the parameter is: of the one that is farthest off."""
     known = [facts for facts in offsets if facts.clock_ms is not None]
     worst = max(known, key=lambda facts: abs(facts.clock_ms or 0.0), default=None)
-    if worst is None or worst.clock_ms is None or abs(worst.clock_ms) <= CLOCK_WARNING_MS:
+    if worst is None or worst.clock_ms is None or abs(worst.clock_ms) <= CLOCK_WARNING_S * 1e3:
         return []
     value_s = round(-worst.clock_ms / 1e3, 3)
     if abs(value_s) > _LARGEST_OFFSET_S:
         return []
-    certain = abs(worst.clock_ms) > CLOCK_CERTAIN_MS
+    certain = abs(worst.clock_ms) > CLOCK_CERTAIN_S * 1e3
     reason = f"Stamps on {worst.topic} against the images', by the recorder's clock" + (
         "." if certain else "; only if it is no delay of a driver."
     )

@@ -15,11 +15,8 @@ from radcam_depth_ros.inspection.report import (
     TopicFacts,
 )
 from radcam_depth_ros.inspection.roles import Roles
+from radcam_depth_ros.pairing import CLOCK_WARNING_S, clock_warning
 
-CLOCK_WARNING_MS = 200.0
-"""Two sensors' stamps, measured against the recorder's clock, seldom differ by so much when their clocks are right."""
-CLOCK_CERTAIN_MS = 1000.0
-"""No driver takes that long: the clocks differ."""
 _GAP_S = 1.0
 _GAP_PERIODS = 5.0
 _SHARE_WITH_SWEEP = 0.9
@@ -137,15 +134,8 @@ def of_offsets(offsets: Sequence[OffsetFacts], limit_s: float) -> Iterator[Findi
     """The radars' stamps beside the images'."""
     for facts in offsets:
         clock_ms = facts.clock_ms
-        if clock_ms is not None and abs(clock_ms) > CLOCK_WARNING_MS:
-            where = "ahead of" if clock_ms > 0 else "behind"
-            certain = abs(clock_ms) > CLOCK_CERTAIN_MS
-            yield Finding(
-                "warning",
-                f"by the recorder's clock the stamps on {facts.topic} are {abs(clock_ms):.0f} ms {where} the images'"
-                f"{'' if certain else ', unless one of the two drivers takes that long'}; synchronise the clocks, or "
-                f"set radar_time_offset_s: {-clock_ms / 1e3:.3f}",
-            )
+        if clock_ms is not None and abs(clock_ms) > CLOCK_WARNING_S * 1e3:
+            yield Finding("warning", clock_warning(facts.topic, clock_ms / 1e3, "by the recorder's clock"))
         elif facts.within < _SHARE_WITH_SWEEP:
             yield Finding(
                 "warning",

@@ -34,11 +34,6 @@ def write_parameters(path: Path | str, suggestion: Suggestion, source: str) -> N
 def render_parameters(suggestion: Suggestion, source: str) -> str:
     """The parameters as YAML, with a comment for each."""
     lines = [f"# Parameters of the node radcam_depth for {source}; all others are in config/node.yaml."]
-    if suggestion.remapping:
-        lines += [
-            "# A parameter file cannot rename topics: start the node with this as well, since the compressed images",
-            f"# are not where image_transport looks for them: --ros-args -r {suggestion.remapping}",
-        ]
     lines += ["/**:", "  ros__parameters:"]
     for setting in suggestion.settings:
         lines += [f"    # {setting.reason}", f"    {'' if setting.is_needed else '# '}{_entry(setting)}"]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from radcam_depth_ros.frame import GroundPlane
 from radcam_depth_ros.geometry import TransformTree
+from radcam_depth_ros.intake import COMPRESSED_SUFFIX
 
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 
@@ -35,11 +36,9 @@ class Suggestion:
 
     Attributes:
         settings: Its parameters.
-        remapping: What the node's image topic has to be remapped to, `from:=to`; empty where nothing.
     """
 
     settings: tuple[Setting, ...]
-    remapping: str = ""
 
     @property
     def parameters(self) -> dict[str, object]:
@@ -49,20 +48,14 @@ class Suggestion:
 
 def topic_parameters(image: str, image_type: str, camera_info: str, radars: Sequence[str]) -> dict[str, object]:
     """The parameters that name the topics of a bag."""
-    is_compressed = image_type == COMPRESSED
+    is_compressed, base = image_type == COMPRESSED, image.removesuffix(COMPRESSED_SUFFIX)
     return {
-        "image_topic": image.removesuffix("/compressed") if is_compressed else image,
-        "image_transport": "compressed" if is_compressed else "raw",
+        "image_topic": base if is_compressed else image,
+        "image_transport": "raw" if not is_compressed else "compressed_topic" if base == image else "compressed",
         "camera_info_topic": camera_info,
         # rclpy takes an empty list for nothing at all
         "radar_topics": list(radars) or [""],
     }
-
-
-def image_remapping(image: str, image_type: str) -> tuple[str, str] | None:
-    """Where the node would listen for compressed images, and where they are; None where both are the same."""
-    expected = f"{image.removesuffix('/compressed')}/compressed"
-    return (expected, image) if image_type == COMPRESSED and expected != image else None
 
 
 def extrinsic_parameters(

@@ -10,6 +10,7 @@ from radcam_depth_ros.messages.calibration import Calibration
 from radcam_depth_ros.messages.clouds import PointsReading, decode_points
 from radcam_depth_ros.messages.encode_clouds import encode_cloud, encode_points
 from radcam_depth_ros.messages.encode_images import (
+    COLORMAPS,
     DEPTH_ENCODINGS,
     colorise,
     encode_camera_info,
@@ -46,6 +47,7 @@ from radcam_depth_ros.messages.transforms import (
 from radcam_depth_ros.messages.wire import MessageError, MessageFactory, stamp_ns
 
 __all__ = [
+    "COLORMAPS",
     "DEFAULT_ALIASES",
     "DEPTH_ENCODINGS",
     "Calibration",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping
 from typing import Any
@@ -20,7 +21,16 @@ _FLOAT32 = _DATATYPES[np.dtype(np.float32)]
 
 
 def encode_cloud(
-    factory: MessageFactory, depth: FloatArray, image: ImageArray, camera: CameraModel, stamp_ns: int, frame_id: str
+    factory: MessageFactory,
+    depth: FloatArray,
+    image: ImageArray,
+    camera: CameraModel,
+    stamp_ns: int,
+    frame_id: str,
+    *,
+    stride: int = 1,
+    near_m: float = 0.0,
+    far_m: float = math.inf,
 ) -> Any:
     """Writes depth as a sensor_msgs/PointCloud2 of x y z rgb, four float32 a point, in the camera's optical frame.
 
@@ -33,9 +43,12 @@ def encode_cloud(
         camera: The ideal camera of both.
         stamp_ns: Nanoseconds.
         frame_id: The camera's optical frame.
+        stride: Every so many columns and rows give points, those in the middle of each such square.
+        near_m: What is nearer gives no point.
+        far_m: What is further gives no point, nor does +inf.
 
     Raises:
-        MessageError: when the sizes of depth, image and camera differ.
+        MessageError: when the sizes of depth, image and camera differ, or for a stride below 1.
     """
     size = (camera.height, camera.width)
     sizes_agree = depth.shape == size and image.shape == (*size, 3)
@@ -44,13 +57,17 @@ def encode_cloud(
             f"expected depth {size} float32 and image {(*size, 3)} uint8 as the camera says, got {depth.shape} "
             f"{depth.dtype} and {image.shape} {image.dtype}"
         )
-    right = ((np.arange(camera.width) - camera.cx) / camera.fx).astype(np.float32)
-    down = ((np.arange(camera.height) - camera.cy) / camera.fy).astype(np.float32)[:, None]
-    known = (depth > 0) & (depth < np.inf)
+    if stride < 1:
+        raise MessageError(f"expected a stride of 1 or more for a point cloud, got {stride}")
+    every = slice(min(stride // 2, camera.width - 1, camera.height - 1), None, stride)
+    depth, image = depth[every, every], np.ascontiguousarray(image[every, every])
+    right = ((np.arange(camera.width)[every] - camera.cx) / camera.fx).astype(np.float32)
+    down = ((np.arange(camera.height)[every] - camera.cy) / camera.fy).astype(np.float32)[:, None]
+    known = (depth >= near_m if near_m > 0 else depth > 0) & (depth <= far_m if far_m < np.inf else depth < np.inf)
     points = np.empty((np.count_nonzero(known), 4), np.float32)
     written = 0
     # Band by band: temporaries of the whole image would cost more than the work, in memory new to the process.
-    for first in range(0, camera.height, _BAND_ROWS):
+    for first in range(0, len(depth), _BAND_ROWS):
         band = np.s_[first : first + _BAND_ROWS]
         kept = np.flatnonzero(known[band])
         pixels = _coloured_points(depth[band], image[band], right, down[band])

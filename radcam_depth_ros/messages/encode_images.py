@@ -17,6 +17,18 @@ DEPTH_ENCODINGS = ("32FC1", "16UC1")
 """Encodings of depth images: metres with NaN for "no value", and millimetres with 0."""
 
 _LARGEST_MILLIMETRES_M = 65.535
+_GREY = "grey"
+_COLORMAPS = {
+    "turbo": cv2.COLORMAP_TURBO,
+    "jet": cv2.COLORMAP_JET,
+    "viridis": cv2.COLORMAP_VIRIDIS,
+    "cividis": cv2.COLORMAP_CIVIDIS,
+    "plasma": cv2.COLORMAP_PLASMA,
+    "inferno": cv2.COLORMAP_INFERNO,
+    "magma": cv2.COLORMAP_MAGMA,
+}
+COLORMAPS = (*_COLORMAPS, _GREY)
+"""Names of the colours that depth can be drawn in, of which near has the last (in turbo red, in the others light)."""
 
 
 def encode_depth(
@@ -61,39 +73,57 @@ def encode_confidence(factory: MessageFactory, confidence: FloatArray, stamp_ns:
 
 
 def encode_preview(
-    factory: MessageFactory, depth: FloatArray, near_m: float, far_m: float, stamp_ns: int, frame_id: str
+    factory: MessageFactory,
+    depth: FloatArray,
+    near_m: float,
+    far_m: float,
+    stamp_ns: int,
+    frame_id: str,
+    colormap: str = "turbo",
 ) -> Any:
     """Writes depth in colours, see `colorise`, as rgb8."""
-    return encode_image(factory, colorise(depth, near_m, far_m), stamp_ns, frame_id)
+    return encode_image(factory, colorise(depth, near_m, far_m, colormap), stamp_ns, frame_id)
 
 
-def colorise(depth: FloatArray, near_m: float, far_m: float) -> ImageArray:
-    """Depth in the colours of turbo: near is red, far is blue, equal ratios of depth are equal steps of colour.
+def colorise(depth: FloatArray, near_m: float, far_m: float, colormap: str = "turbo") -> ImageArray:
+    """Depth in colours, of turbo by default: near is red, far is blue; equal ratios of depth are equal steps of colour.
 
     Args:
         depth: (H, W) float32 metres.
         near_m: What is nearer has the nearest colour.
         far_m: What is further, +inf too, has the furthest colour.
+        colormap: One of `COLORMAPS`.
 
     Returns:
         (H, W, 3) uint8 RGB, black where depth is NaN or not positive.
 
     Raises:
-        MessageError: for a range that is not 0 < near < far, or an array that is not (H, W) float32.
+        MessageError: for a range that is not 0 < near < far, an array that is not (H, W) float32, or other colours.
     """
     _require(depth, "depth image", np.float32, 2)
     if not 0 < near_m < far_m < np.inf:
         raise MessageError(f"expected a range with 0 < near < far, got near={near_m} m far={far_m} m")
     known = depth > 0
     within = np.clip(np.where(known, depth, np.float32(far_m)), np.float32(near_m), np.float32(far_m))
+    table = _color_table(colormap)
     # Entry 0 of the table is black and kept for "no value": the colours are entries 1 (far) to 255 (near).
     scale = 254.0 / math.log(far_m / near_m)
     entries = (1.5 + scale * (math.log(far_m) - cv2.log(within))).astype(np.uint8)
     entries[~known] = 0
-    table = cv2.applyColorMap(np.arange(256, dtype=np.uint8).reshape(256, 1), cv2.COLORMAP_TURBO)
-    table[0] = 0
-    coloured: ImageArray = cv2.applyColorMap(entries, cv2.cvtColor(table, cv2.COLOR_BGR2RGB))
+    coloured: ImageArray = cv2.applyColorMap(entries, table)
     return coloured
+
+
+def _color_table(colormap: str) -> ImageArray:
+    """(256, 1, 3) uint8 RGB, black first, then from the farthest to the nearest colour."""
+    ramp = np.arange(256, dtype=np.uint8).reshape(256, 1)
+    if colormap == _GREY:
+        return np.repeat(ramp[..., None], 3, axis=2)
+    if colormap not in _COLORMAPS:
+        raise MessageError(f"expected the colours {', '.join(COLORMAPS)}, got {colormap!r}")
+    table: ImageArray = cv2.cvtColor(cv2.applyColorMap(ramp, _COLORMAPS[colormap]), cv2.COLOR_BGR2RGB)
+    table[0] = 0
+    return table
 
 
 def encode_image(factory: MessageFactory, image: ImageArray, stamp_ns: int, frame_id: str) -> Any:

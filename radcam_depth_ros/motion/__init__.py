@@ -1,8 +1,10 @@
 """How the vehicle moved, from its odometry or from /tf, and where that leaves what a radar saw a moment ago."""
 
+from radcam_depth_ros.motion.links import Memory
+from radcam_depth_ros.motion.mounts import Mounts
 from radcam_depth_ros.motion.poses import Poses, interpolate
 from radcam_depth_ros.motion.returns import MOVING_MPS, Displacement, displacement, move
-from radcam_depth_ros.motion.vehicle import Memory, Motion, MotionError
+from radcam_depth_ros.motion.vehicle import Motion, MotionError
 
 __all__ = [
     "MOVING_MPS",
@@ -10,6 +12,7 @@ __all__ = [
     "Memory",
     "Motion",
     "MotionError",
+    "Mounts",
     "Poses",
     "displacement",
     "interpolate",

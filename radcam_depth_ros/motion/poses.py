@@ -57,6 +57,13 @@ class Poses:
             return None
         return interpolate(self._poses[after - 1], self._poses[after], (time_ns - start_ns) / (end_ns - start_ns))
 
+    def nearest(self, time_ns: int) -> RigidTransform | None:
+        """The pose of the nearest time, of two the earlier; None where there is none."""
+        after = bisect.bisect_left(self._times_ns, time_ns)
+        around = [index for index in (after - 1, after) if 0 <= index < len(self._times_ns)]
+        index = min(around, key=lambda index: abs(self._times_ns[index] - time_ns), default=None)
+        return None if index is None else self._poses[index]
+
     def _beyond(self, ahead_ns: int, reach_ns: int) -> RigidTransform | None:
         # As long a time before, not the last two poses: their noise would grow with how close together they are.
         before = self.at(self._times_ns[-1] - ahead_ns) if ahead_ns <= reach_ns else None

@@ -3,37 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import RigidTransform, TransformTree
 from radcam_depth_ros.messages import StampedTransform, decode_odometry, decode_transforms
-from radcam_depth_ros.motion.poses import Poses
+from radcam_depth_ros.motion.links import EVERYTHING, Memory, MovingLinks
 
 _SECOND = 1_000_000_000
 
 
 class MotionError(RadcamDepthError):
     """Odometry that does not say what moves, or a time of which nobody knows where the vehicle was."""
-
-
-@dataclass(frozen=True)
-class Memory:
-    """How much of the vehicle's motion is kept, and how far it is believed. Without any of it: all of it, as it is.
-
-    Attributes:
-        reach_ns: So long after its last pose a vehicle goes on as it moved before.
-        jump_ns: A pose that is further behind the newest one than this begins anew: a looped bag, a reset clock.
-        kept: So many poses are kept at most.
-    """
-
-    reach_ns: int = 0
-    jump_ns: int | None = None
-    kept: int | None = None
-
-
-EVERYTHING = Memory()
 
 
 class Motion:
@@ -66,9 +47,9 @@ class Motion:
         self.topic = topic
         self.anchor = anchor
         self.base_frame: str | None = anchor if odom_frame else None
-        self._is_odometry, self._transforms, self._memory = is_odometry, transforms, memory
+        self._is_odometry, self._transforms = is_odometry, transforms
         self._odom_frame = odom_frame.lstrip("/")
-        self._links: dict[str, tuple[str, Poses]] = {}  # by child: its parent, and where it was in it
+        self._links = MovingLinks(memory)
 
     def accept(self, message: Any) -> None:
         """Takes a message of `topic`.
@@ -94,24 +75,22 @@ class Motion:
             child = link.child_frame.lstrip("/")
             if self._odom_frame:
                 if child in above:
-                    self._add(link.parent_frame.lstrip("/"), child, link.stamp_ns, link.parent_from_child)
+                    self._links.add(link.parent_frame.lstrip("/"), child, link.stamp_ns, link.parent_from_child)
             elif self._transforms.can_transform(self.anchor, child):
                 self._add_base(link.parent_frame, child, link.stamp_ns, link.parent_from_child)
 
     def at(self, time_ns: int) -> RigidTransform | None:
         """`world_from_base` at a time; None where it is not known."""
         if not self._odom_frame:
-            link = self._links.get(self.base_frame or "")
-            return None if link is None else link[1].at(time_ns, self._memory.reach_ns)
+            return self._links.at(self.base_frame or "", time_ns)
         frame, world_from_base = self.anchor.lstrip("/"), RigidTransform.identity()
         while frame != self._odom_frame:
             fixed = self._transforms.link(frame)
             if fixed is None:
                 return None
             parent, parent_from_frame = fixed
-            moving = self._links.get(frame)
-            if moving is not None and moving[0] == parent:
-                pose = moving[1].at(time_ns, self._memory.reach_ns)
+            if self._links.has(parent, frame):
+                pose = self._links.at(frame, time_ns)
                 if pose is None:
                     return None
                 parent_from_frame = pose
@@ -121,26 +100,22 @@ class Motion:
 
     def covers(self, time_ns: int) -> bool:
         """Whether poses of this time or a later one came."""
-        return bool(self._links) and all(
-            poses.span_ns is not None and poses.span_ns[1] >= time_ns for _, poses in self._links.values()
-        )
+        return bool(self._links) and all(span_ns[1] >= time_ns for _, span_ns in self._links.spans_ns)
 
     def why_unknown(self, time_ns: int) -> str:
         """What is missing where `at` gives None, as a part of a sentence."""
         what = "odometry" if self._is_odometry else f"pose of {self.anchor!r} in {self._odom_frame!r}"
-        spans = [(child, poses.span_ns) for child, (_, poses) in self._links.items()]
-        if not spans:
+        if not self._links:
             return f"no {what} came on {self.topic}"
-        for child, span in spans:
-            if span is None or not span[0] <= time_ns <= span[1]:
-                apart_s = 0.0 if span is None else min(abs(time_ns - limit_ns) for limit_ns in span) / _SECOND
+        for child, span_ns in self._links.spans_ns:
+            if not span_ns[0] <= time_ns <= span_ns[1]:
+                apart_s = min(abs(time_ns - limit_ns) for limit_ns in span_ns) / _SECOND
                 return f"the poses of {child!r} on {self.topic} are {apart_s:.2f} s away from its time"
         return f"no {what} on {self.topic} is near enough to its time"
 
     def forget_before(self, time_ns: int) -> None:
         """Forgets poses that no time from this one on needs."""
-        for _, poses in self._links.values():
-            poses.forget_before(time_ns)
+        self._links.forget_before(time_ns)
 
     def clear(self) -> None:
         """Forgets all poses."""
@@ -162,15 +137,4 @@ class Motion:
         if self.base_frame is None:
             self.base_frame = frame
         if frame == self.base_frame:
-            self._add(parent, frame, time_ns, pose)
-
-    def _add(self, parent: str, child: str, time_ns: int, pose: RigidTransform) -> None:
-        link = self._links.get(child)
-        span_ns = link[1].span_ns if link is not None else None
-        jump_ns = self._memory.jump_ns
-        if span_ns is not None and jump_ns is not None and time_ns < span_ns[1] - jump_ns:
-            self.clear()
-            link = None
-        if link is None or link[0] != parent:
-            link = self._links[child] = (parent, Poses(self._memory.kept))
-        link[1].add(time_ns, pose)
+            self._links.add(parent, frame, time_ns, pose)

@@ -1,6 +1,7 @@
 """The lifecycle node: configure loads, activate runs, deactivate stops, cleanup frees.
 
-Between deactivate and activate parameters may change, the network too: activate then takes up what changed.
+Between deactivate and activate all parameters may change, the network too: activate then takes up what changed. Limits,
+and the way depth is written, change while the node is active as well.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
 from radcam_depth_ros.node.factory import build_message, message_class
 from radcam_depth_ros.node.health import Level, Problems
 from radcam_depth_ros.node.inputs import Inputs, find_inputs
+from radcam_depth_ros.node.latency import LatencyTopics
 from radcam_depth_ros.node.outputs import Outputs
 from radcam_depth_ros.node.session import Session
+from radcam_depth_ros.node.vitals import Vitals
 from radcam_depth_ros.parameters import NodeConfig, Parameters
 from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
 
@@ -49,13 +52,15 @@ class RadcamDepthNode(LifecycleNode):
         super().__init__(NODE_NAME, **options)
         self._make_estimator = make_estimator
         self._problems = Problems(self._log)
-        self._settings = Parameters(self)
+        self._settings = Parameters(self, self._on_parameters)
         self._phase = "unconfigured"
         self._config: NodeConfig | None = None
         self._inputs: Inputs | None = None
         self._estimator: Estimator | None = None
         self._outputs: Outputs | None = None
+        self._latency_topics: LatencyTopics | None = None
         self._session: Session | None = None
+        self._vitals: Vitals | None = None
         self._diagnostics = Diagnostics(self, self._problems)
         self._diagnostics_publisher = self.create_publisher(
             message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", 10
@@ -85,21 +90,22 @@ class RadcamDepthNode(LifecycleNode):
         self._problems.settle_all()
         if not self._take_up("the node cannot be activated"):
             return TransitionCallbackReturn.FAILURE
-        if self._inputs is None or self._outputs is None:
+        inputs, outputs, latency_topics = self._inputs, self._outputs, self._latency_topics
+        if inputs is None or outputs is None or latency_topics is None:
             return TransitionCallbackReturn.ERROR
         try:
-            self._session = Session(self, self._new_pipeline(), self._inputs, self._outputs, self._problems)
+            self._session = Session(self, self._new_pipeline(), inputs, outputs, latency_topics, self._problems)
         except Exception as error:  # the boundary, as above
             self._problems.report("output", Level.ERROR, f"the node cannot be activated: {_sentence(error)}")
             return TransitionCallbackReturn.FAILURE
+        self._vitals = Vitals(self, self._session, outputs, self._problems)
         self._phase = "active"
         self._settings.frozen_because = (
-            "parameters are set while the node is not active: deactivate it first, then activate it again"
+            "the node is active; deactivate it first, then activate it again (ros2 lifecycle set "
+            f"{self.get_fully_qualified_name()} deactivate)"
         )
-        self._report_transform_messages(self._inputs)
-        self._log(
-            Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in self._inputs)}"
-        )
+        self._report_transform_messages(inputs)
+        self._log(Level.OK, f"active with {self._model()}, reading {', '.join(source.topic for source in inputs)}")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -151,8 +157,10 @@ class RadcamDepthNode(LifecycleNode):
             inputs = find_inputs(self, config)
             if self._outputs is None:
                 self._outputs = Outputs(self, lambda sentence: self._problems.report("output", Level.WARN, sentence))
+            if self._latency_topics is None:
+                self._latency_topics = LatencyTopics(self)
             part = "model"
-            if estimator is None or before is None or config.estimator != before.estimator:
+            if estimator is None or not estimator.can_adjust(config.estimator):
                 estimator = self._load(config.estimator, before.estimator if before else None)
             part = "output"
             self._outputs.offer_classes(estimator.tells_classes)
@@ -162,10 +170,25 @@ class RadcamDepthNode(LifecycleNode):
             )
             self._problems.report(part, Level.ERROR, f"{failure}: {_sentence(error)}{kept}")
             return False
+        estimator.adjust(config.estimator)
         # Only now, so that the network before stays usable when the next one is not; nothing else holds it.
         self._config, self._inputs, self._estimator = _with_full_names(config, inputs), inputs, estimator
         give_back_memory()
         return True
+
+    def _on_parameters(self, names: tuple[str, ...]) -> None:
+        """Takes up parameters that were set while the node is active; they were judged before."""
+        if self._session is None or self._inputs is None or self._estimator is None:
+            return
+        try:
+            config = _with_full_names(self._settings.read(), self._inputs)
+            self._session.pipeline.adjust(config.pipeline)
+            self._estimator.adjust(config.estimator)
+        except Exception as error:  # the boundary: parameters must never take the node down
+            self._problems.report("parameters", Level.ERROR, f"parameters are not taken up: {_sentence(error)}")
+            return
+        self._config = config
+        self._log(Level.OK, f"set: {', '.join(f'{name} {self.get_parameter(name).value}' for name in names)}")
 
     def _load(self, config: EstimatorConfig, before: EstimatorConfig | None) -> Estimator:
         self._log(Level.OK, f"loading {config.model_file or config.network}")
@@ -188,7 +211,7 @@ class RadcamDepthNode(LifecycleNode):
         return self._estimator.describe() if self._estimator else ""
 
     def _end_session(self, timeout_s: float) -> None:
-        session, self._session = self._session, None
+        session, self._session, self._vitals = self._session, None, None
         if session is not None and not session.close(timeout_s):
             self._log(Level.WARN, f"the network is still busy after {timeout_s:g} s; it is left to itself")
 
@@ -196,7 +219,9 @@ class RadcamDepthNode(LifecycleNode):
         self._end_session(CLOSE_S)
         if self._outputs is not None:
             self._outputs.destroy()
-        self._outputs = self._estimator = self._config = self._inputs = None
+        if self._latency_topics is not None:
+            self._latency_topics.destroy()
+        self._outputs = self._latency_topics = self._estimator = self._config = self._inputs = None
         give_back_memory()
         self._settings.frozen_because = ""
         self._phase = "unconfigured"
@@ -221,11 +246,10 @@ class RadcamDepthNode(LifecycleNode):
 
     def _on_tick(self) -> None:
         try:
-            snapshot = Snapshot(self._phase, self._model(), self._session, self._outputs)
-            news = self._diagnostics.watch(self._session) if self._session else ""
+            statuses = self._diagnostics.statuses(Snapshot(self._phase, self._model(), self._vitals))
+            news = self._vitals.watchdog.news() if self._vitals else ""
             if news:
                 self._log(Level.WARN, news)
-            statuses = self._diagnostics.statuses(snapshot)
             self._diagnostics_publisher.publish(self._diagnostics.message(statuses, build_message))
         except Exception as error:  # the boundary: what tells of problems must not be one
             self._log(Level.ERROR, f"no diagnostics: {_sentence(error)}")

@@ -6,7 +6,7 @@ import re
 import threading
 import time
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -39,6 +39,21 @@ class Status:
     level: Level
     message: str
     values: tuple[tuple[str, str], ...] = ()
+
+
+_GRAVITY = (Level.ERROR, Level.WARN, Level.STALE, Level.OK)
+
+
+def summary(parts: Sequence[Status]) -> Status:
+    """The whole in one line, `health`: as bad as its worst part, where an error is worse than what is not known yet."""
+    worst = next((level for level in _GRAVITY if any(part.level is level for part in parts)), Level.STALE)
+    concerned = [part for part in parts if part.level is worst]
+    values = tuple((part.name, part.level.name) for part in parts)
+    if worst is Level.OK:
+        return Status("health", worst, worst.name, values)
+    others = f" (and {', '.join(part.name for part in concerned[1:])})" if len(concerned) > 1 else ""
+    sentence = f"{worst.name}: {concerned[0].name}: {concerned[0].message}{others}" if concerned else worst.name
+    return Status("health", worst, sentence, values)
 
 
 @dataclass

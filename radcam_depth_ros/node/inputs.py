@@ -14,12 +14,15 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
-from radcam_depth_ros.intake import TRANSFORM_TOPICS
+from radcam_depth_ros.intake import COMPRESSED_SUFFIX, TRANSFORM_TOPICS
 from radcam_depth_ros.node.factory import message_class
 from radcam_depth_ros.parameters import NodeConfig, ParameterError
 
 TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
+COMPRESSED = "compressed"
+IMAGE_TYPES = {"raw": "sensor_msgs/msg/Image", COMPRESSED: "sensor_msgs/msg/CompressedImage"}
+"""Of values of `image_transport`; `compressed_topic` takes compressed images as well."""
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 """Policies that `qos_overrides.<topic>.subscription.*` parameters change."""
 
@@ -34,6 +37,7 @@ class Input:
         type_name: As in `sensor_msgs/msg/Image`.
         depth: How many messages wait at most.
         is_latched: The last message is wanted even if it came before the node.
+        parameter: The one that names the topic; empty where its name is fixed.
     """
 
     part: str
@@ -41,6 +45,7 @@ class Input:
     type_name: str
     depth: int
     is_latched: bool = False
+    parameter: str = ""
 
     @property
     def qos(self) -> QoSProfile:
@@ -81,25 +86,35 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     Raises:
         ParameterError: for a name that is none.
     """
-    image, image_type = _full_name(node, config.pipeline.image), "sensor_msgs/msg/Image"
-    if config.image_transport == "compressed":
-        image_type = "sensor_msgs/msg/CompressedImage"
-        image = image if image.endswith("/compressed") else f"{image}/compressed"
+    image, transport = _full_name(node, config.pipeline.image), config.image_transport
+    if transport == COMPRESSED:
+        # As image_transport does, which may have its own topics remapped as well.
+        image = _full_name(node, image.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX)
+    image_type = IMAGE_TYPES.get(transport, IMAGE_TYPES[COMPRESSED])
     radars = tuple(_full_name(node, topic) for topic in config.pipeline.radars)
     static, dynamic = TRANSFORM_TOPICS
     return Inputs(
-        camera=Input("camera", image, image_type, 2),
+        camera=Input("camera", image, image_type, 2, parameter="image_topic"),
         camera_info=Input(
-            "camera_info", _full_name(node, config.pipeline.camera_info), "sensor_msgs/msg/CameraInfo", 2
+            "camera_info",
+            _full_name(node, config.pipeline.calibration_topic),
+            "sensor_msgs/msg/CameraInfo",
+            2,
+            parameter="camera_info_topic",
         ),
-        radars=tuple(Input(f"radar {topic}", topic, "sensor_msgs/msg/PointCloud2", 10) for topic in radars),
+        radars=tuple(
+            Input(f"radar {topic}", topic, "sensor_msgs/msg/PointCloud2", 10, parameter="radar_topics")
+            for topic in radars
+        ),
         transforms=(
             Input("transforms", static, TRANSFORM_TYPE, 100, is_latched=True),
             Input("transforms", dynamic, TRANSFORM_TYPE, 100),
         )
         if has_transform_messages()
         else (),
-        odometry=Input("odometry", _full_name(node, config.pipeline.odometry), ODOMETRY_TYPE, 50)
+        odometry=Input(
+            "odometry", _full_name(node, config.pipeline.odometry), ODOMETRY_TYPE, 50, parameter="odometry_topic"
+        )
         if config.pipeline.moves_radar and config.pipeline.odometry
         else None,
     )

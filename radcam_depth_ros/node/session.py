@@ -11,15 +11,19 @@ from typing import Any
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.intake import IntakeError
 from radcam_depth_ros.node.arrival import ArrivalClock
-from radcam_depth_ros.node.health import SECOND_NS, Durations, Level, Problems, Rate
+from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
 from radcam_depth_ros.node.inputs import Input, Inputs, subscribe
+from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
 from radcam_depth_ros.node.mailbox import Worker
 from radcam_depth_ros.node.outputs import Outputs
+from radcam_depth_ros.node.stamps import StampOffset, Stamps
+from radcam_depth_ros.pairing import for_each_radar
 from radcam_depth_ros.pipeline import Pipeline
 
 EXPIRY_PERIOD_S = 0.02
@@ -33,10 +37,12 @@ class Ticket:
     Attributes:
         frame: The frame.
         arrived_ns: When its image came, on the steady clock.
+        decoded_ns: When that was decoded.
     """
 
     frame: Frame
     arrived_ns: int
+    decoded_ns: int
 
 
 class Session:
@@ -47,50 +53,74 @@ class Session:
         pipeline: A fresh one: nothing of an earlier session is left in it.
         inputs: What to read; the topics of the pipeline's config.
         outputs: Where to publish.
+        latency_topics: Where to publish how long each frame took.
         problems: Where to report.
     """
 
-    def __init__(self, node: Node, pipeline: Pipeline, inputs: Inputs, outputs: Outputs, problems: Problems) -> None:
+    def __init__(
+        self,
+        node: Node,
+        pipeline: Pipeline,
+        inputs: Inputs,
+        outputs: Outputs,
+        latency_topics: LatencyTopics,
+        problems: Problems,
+    ) -> None:
         self._node = node
         self.pipeline = pipeline
         self.inputs = inputs
         self._outputs = outputs
+        self._latency_topics = latency_topics
         self._problems = problems
         self._clock = ArrivalClock(node)
-        self._image_arrivals: OrderedDict[int, int] = OrderedDict()
-        self.started_ns = time.monotonic_ns()
+        self._images: OrderedDict[int, tuple[int, int]] = OrderedDict()  # by stamp: when it came and was decoded
         self.rates = {source.part: Rate() for source in inputs}
         """Messages of each part, good ones and bad ones."""
         self.accepted = {source.part: 0 for source in inputs}
         """How many of them could be used."""
-        self.frames_in = self.frames_failed = 0
+        self.stamps = {source.part: Stamps() for source in (inputs.camera, *inputs.radars)}
+        self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
+        """Of each radar, as it is stamped: without `radar_time_offset_s`."""
+        self.frames_in = self.frames_failed = self.images_unusable = self.frames_suppressed = 0
         self.frames_out = Rate()
-        self.latency, self.processing = Durations(), Durations()
-        """From an image's arrival to its depth being published; and the network's and encoder's part of it."""
+        self.latencies = Latencies()
         self.busy_since_ns: int | None = None
         self._is_motion_told = False
         self._is_closed = False
         self._worker: Worker[Ticket] = Worker(self._work, "radcam_depth")
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._expiry = node.create_timer(EXPIRY_PERIOD_S, self._on_expiry, clock=steady)
-        self._subscriptions: list[Subscription] = []
+        self._subscriptions: dict[Input, Subscription] = {}
         try:
             for source in inputs:
-                self._subscriptions.append(subscribe(node, source, self._on_message, self._on_unheard))
+                self._subscriptions[source] = subscribe(node, source, self._on_message, self._on_unheard)
         except Exception:
             self.close()
             raise
+        # The first subscriptions of a process can take seconds, in which nothing could come.
+        self.started_ns = time.monotonic_ns()
 
     @property
     def frames_dropped(self) -> int:
         """Frames that were dropped for a newer one since the network was busy."""
         return self._worker.dropped
 
+    def qos(self, source: Input) -> QoSProfile:
+        """What an input is subscribed with, parameters counted in."""
+        subscription = self._subscriptions.get(source)
+        return source.qos if subscription is None else subscription.qos_profile
+
+    def radar_time_offset_s(self, radar: Input) -> float:
+        """What is added to a radar's stamps."""
+        given = self.pipeline.config.pairing.radar_time_offset_s
+        offsets_s = for_each_radar("radar_time_offset_s", given, len(self.inputs.radars))
+        return offsets_s[self.inputs.radars.index(radar)]
+
     def close(self, timeout_s: float | None = None) -> bool:
         """Stops reading and publishing; False when the network was still busy after `timeout_s`."""
         self._is_closed = True
         self._node.destroy_timer(self._expiry)
-        for subscription in self._subscriptions:
+        for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
         self._subscriptions.clear()
         return self._worker.close(timeout_s)
@@ -98,20 +128,27 @@ class Session:
     def _on_message(self, source: Input, message: Any) -> None:
         now_ns = time.monotonic_ns()
         self.rates[source.part].tick(now_ns)
-        if source is self.inputs.camera:
-            self._remember(message, now_ns)
         try:
-            frames = self.pipeline.accept(source.topic, message, self._clock.now_ns())
+            frames = self._accept(source, message, now_ns)
         except IntakeError as error:
-            self._judge(source, message)
+            self._judge(source, message, now_ns)
             self._on_unusable_image(error)
         except RadcamDepthError as error:
             self._problems.report(source.part, Level.ERROR, str(error))
         except Exception as error:  # the boundary: a message must never take the node down
             self._on_defect(source.part, error)
         else:
-            self._judge(source, message)
+            self._judge(source, message, now_ns)
             self._hand_over(frames)
+
+    def _accept(self, source: Input, message: Any, now_ns: int) -> tuple[Frame, ...]:
+        try:
+            return self.pipeline.accept(source.topic, message, self._clock.now_ns())
+        finally:
+            if source is self.inputs.camera:
+                self._images[_stamp_ns(message)] = (now_ns, time.monotonic_ns())
+                if len(self._images) > _IMAGES_REMEMBERED:
+                    self._images.popitem(last=False)
 
     def _on_expiry(self) -> None:
         try:
@@ -123,9 +160,13 @@ class Session:
         else:
             self._hand_over(frames)
 
-    def _judge(self, source: Input, message: Any) -> None:
+    def _judge(self, source: Input, message: Any, arrived_ns: int) -> None:
         """Takes note of a message that could be read, and of what can be wrong with it all the same."""
         self.accepted[source.part] += 1
+        if source is self.inputs.camera or source in self.inputs.radars:
+            self.stamps[source.part].add(_stamp_ns(message), arrived_ns)
+        if source in self.inputs.radars:
+            self.stamp_offsets[source.part].add(_stamp_ns(message), arrived_ns, self.stamps[self.inputs.camera.part])
         config = self.pipeline.config
         has_frame = message.header.frame_id or config.camera_frame if source is self.inputs.camera else True
         # Where the extrinsics come from /tf_static, no frame can be made at all and the pipeline says so.
@@ -154,20 +195,23 @@ class Session:
             self._judge_motion()
         for frame in frames:
             self.frames_in += 1
-            arrived_ns = self._image_arrivals.pop(frame.stamp_ns, time.monotonic_ns())
-            self._worker.put(Ticket(frame, arrived_ns))
+            now_ns = time.monotonic_ns()
+            self._worker.put(Ticket(frame, *self._images.pop(frame.stamp_ns, (now_ns, now_ns))))
 
     def _work(self, ticket: Ticket) -> None:
-        started_ns = self.busy_since_ns = time.monotonic_ns()
+        frame, outputs = ticket.frame, self._outputs
+        taken_ns = self.busy_since_ns = time.monotonic_ns()
         try:
-            self.pipeline.warm_up(ticket.frame.camera)
-            messages = self.pipeline.process(
-                ticket.frame,
-                preview=self._outputs.is_wanted("preview"),
-                points=self._outputs.is_wanted("points"),
-                classes=self._outputs.is_wanted("classes"),
+            self.pipeline.warm_up(frame.camera)
+            result = self.pipeline.estimate(frame, classes=outputs.is_wanted("classes"))
+            estimated_ns = time.monotonic_ns()
+            if result is None:
+                self._on_suppressed()
+                return
+            messages = self.pipeline.encode(
+                frame, result, preview=outputs.is_wanted("preview"), points=outputs.is_wanted("points")
             )
-            self._outputs.publish(messages)
+            outputs.publish(messages)
         except RadcamDepthError as error:
             self.frames_failed += 1
             self._problems.report("inference", Level.ERROR, str(error))
@@ -177,13 +221,24 @@ class Session:
                 self._on_defect("inference", error)
         else:
             now_ns = time.monotonic_ns()
-            self.processing.add(now_ns - started_ns)
-            self.latency.add(now_ns - ticket.arrived_ns)
+            times = FrameTimes(ticket.arrived_ns, ticket.decoded_ns, taken_ns, estimated_ns, now_ns)
+            self.latencies.add(times)
+            self._latency_topics.publish(times)
             self.frames_out.tick(now_ns)
             self._problems.settle("inference")
-            self._judge_view(len(ticket.frame.radar), messages.result.radar_in_view)
+            self._judge_view(len(frame.radar), result.radar_in_view)
         finally:
             self.busy_since_ns = None
+
+    def _on_suppressed(self) -> None:
+        self.frames_suppressed += 1
+        self._problems.settle("inference")
+        self._problems.report(
+            "view",
+            Level.WARN,
+            "expected radar returns in view of the camera, got none, so the image gets no depth; check the radar, or "
+            "set the parameter without_radar to camera_only",
+        )
 
     def _judge_view(self, returns: int, in_view: int) -> None:
         if returns and not in_view:
@@ -193,7 +248,7 @@ class Session:
                 f"expected radar returns in view of the camera, got 0 of {returns}: all are behind it, outside of its "
                 "image or too far away; check the extrinsics and the radar's frame_id",
             )
-        elif returns:
+        else:
             self._problems.settle("view")
 
     def _judge_motion(self) -> None:
@@ -206,6 +261,7 @@ class Session:
             self._problems.settle("motion")
 
     def _on_unusable_image(self, error: Exception) -> None:
+        self.images_unusable += 1
         # Where camera_info itself is the problem, that it is missing is no news.
         is_news = self._problems.peek("camera_info") is None and self._problems.peek("transforms") is None
         self._problems.report("frame", Level.ERROR, str(error), quietly=not is_news)
@@ -222,8 +278,7 @@ class Session:
         )
         self._node.get_logger().debug("".join(traceback.format_exception(error)))
 
-    def _remember(self, message: Any, now_ns: int) -> None:
-        stamp = message.header.stamp
-        self._image_arrivals[int(stamp.sec) * SECOND_NS + int(stamp.nanosec)] = now_ns
-        if len(self._image_arrivals) > _IMAGES_REMEMBERED:
-            self._image_arrivals.popitem(last=False)
+
+def _stamp_ns(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * SECOND_NS + int(stamp.nanosec)

@@ -1,7 +1,9 @@
 """Pairing: each image with its nearest radar sweeps."""
 
+from radcam_depth_ros.pairing.clocks import CLOCK_CERTAIN_S, CLOCK_WARNING_S, clock_warning
 from radcam_depth_ros.pairing.pairer import Pairer
 from radcam_depth_ros.pairing.values import (
+    ADJUSTABLE,
     MAX_SWEEPS,
     EarlierSweep,
     Pair,
@@ -13,6 +15,9 @@ from radcam_depth_ros.pairing.values import (
 )
 
 __all__ = [
+    "ADJUSTABLE",
+    "CLOCK_CERTAIN_S",
+    "CLOCK_WARNING_S",
     "MAX_SWEEPS",
     "EarlierSweep",
     "Pair",
@@ -21,5 +26,6 @@ __all__ = [
     "PairingCounts",
     "PairingError",
     "RadarCounts",
+    "clock_warning",
     "for_each_radar",
 ]

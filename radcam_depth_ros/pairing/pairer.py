@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import bisect
 from collections import Counter, deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic
 
 from radcam_depth_ros.pairing.sweeps import Sweeps
 from radcam_depth_ros.pairing.timeline import Timeline
 from radcam_depth_ros.pairing.values import (
+    ADJUSTABLE,
     EarlierSweep,
     ImageT,
     Pair,
@@ -23,6 +24,7 @@ from radcam_depth_ros.pairing.values import (
 
 _SECOND = 1_000_000_000
 _MIN_JUMP_NS = _SECOND // 10
+_OFFSETS_KEPT = 256
 _IMAGES_KEPT = 64
 """So many images wait at most; so many are remembered to recognise duplicates and sweeps that come late."""
 
@@ -74,22 +76,33 @@ class Pairer(Generic[ImageT, SweepT]):
         if len(set(radars)) != len(radars):
             raise PairingError(f"each radar may be named once, got {', '.join(radars)}; remove the second one")
         self._radars = radars
+        self._config = config
         self._max_wait_ns = round(config.max_wait_s * _SECOND)
         offsets_s = for_each_radar("radar_time_offset_s", config.radar_time_offset_s, len(radars))
         self._radar_offsets_ns = tuple(round(offset_s * _SECOND) for offset_s in offsets_s)
-        max_offset_ns = round(config.max_time_offset_s * _SECOND)
         self._earlier_count = config.radar_sweeps - 1
-        max_age_ns = round(config.max_sweep_age_s * _SECOND) if self._earlier_count else 0
-        self._sweeps: tuple[Sweeps[SweepT], ...] = tuple(
-            Sweeps(max_offset_ns, self._max_wait_ns, max_age_ns) for _ in radars
-        )
-        # What comes within the wait is at most that much behind; the rest is room for streams that keep it less well.
-        self._timeline = Timeline(1 + len(radars), max(self._max_wait_ns + max_offset_ns, _MIN_JUMP_NS))
+        self._sweeps: tuple[Sweeps[SweepT], ...] = tuple(Sweeps(*_sweep_limits_ns(config)) for _ in radars)
+        self._timeline = Timeline(1 + len(radars), _jump_ns(config))
         self._waiting: list[_Waiting[ImageT]] = []  # by time
         self._released: deque[_Released] = deque(maxlen=_IMAGES_KEPT)
         self._now_ns: int | None = None
         self._images: Counter[str] = Counter()
         self._of_radar: tuple[Counter[str], ...] = tuple(Counter() for _ in radars)
+        self._offsets_s: tuple[deque[float], ...] = tuple(deque(maxlen=_OFFSETS_KEPT) for _ in radars)
+
+    def adjust(self, config: PairingConfig) -> None:
+        """Takes other limits from now on; images that wait do so as long as they were to.
+
+        Raises:
+            PairingError: when more differs than `ADJUSTABLE`.
+        """
+        if replace(config, **{name: getattr(self._config, name) for name in ADJUSTABLE}) != self._config:
+            raise PairingError(f"only {', '.join(ADJUSTABLE)} can change while images are paired; make a new pairer")
+        self._config = config
+        self._max_wait_ns = round(config.max_wait_s * _SECOND)
+        for sweeps in self._sweeps:
+            sweeps.limit(*_sweep_limits_ns(config))
+        self._timeline.jump_ns = _jump_ns(config)
 
     @property
     def counts(self) -> PairingCounts:
@@ -108,6 +121,11 @@ class Pairer(Generic[ImageT, SweepT]):
                 for name, count in zip(self._radars, self._of_radar, strict=True)
             ),
         )
+
+    @property
+    def offsets_s(self) -> tuple[tuple[float, ...], ...]:
+        """Of each radar: stamps of the last sweeps that were taken, corrected, minus the images', seconds."""
+        return tuple(tuple(offsets_s) for offsets_s in self._offsets_s)
 
     @property
     def resets(self) -> int:
@@ -183,8 +201,11 @@ class Pairer(Generic[ImageT, SweepT]):
 
     def _pair(self, waiting: _Waiting[ImageT]) -> Pair[ImageT, SweepT]:
         found = [sweeps.nearest(waiting.time_ns) for sweeps in self._sweeps]
-        for item, count in zip(found, self._of_radar, strict=True):
-            count["paired"] += item is not None
+        offsets_s = tuple(None if item is None else (item[0] - waiting.time_ns) / _SECOND for item in found)
+        for offset_s, count, kept_s in zip(offsets_s, self._of_radar, self._offsets_s, strict=True):
+            if offset_s is not None:
+                count["paired"] += 1
+                kept_s.append(offset_s)
         self._images["released"] += 1
         self._images["paired"] += any(item is not None for item in found)
         self._images["overtaken"] += any(
@@ -195,7 +216,7 @@ class Pairer(Generic[ImageT, SweepT]):
             waiting.stamp_ns,
             waiting.image,
             tuple(None if item is None else item[1] for item in found),
-            tuple(None if item is None else (item[0] - waiting.time_ns) / _SECOND for item in found),
+            offsets_s,
             tuple(
                 () if item is None else self._earlier(sweeps, item[0], waiting.time_ns)
                 for sweeps, item in zip(self._sweeps, found, strict=True)
@@ -209,3 +230,15 @@ class Pairer(Generic[ImageT, SweepT]):
             EarlierSweep(sweep, (time_ns - image_ns) / _SECOND)
             for time_ns, sweep in sweeps.before(chosen_ns, image_ns, self._earlier_count)
         )
+
+
+def _sweep_limits_ns(config: PairingConfig) -> tuple[int, int, int]:
+    """Of `Sweeps`: how far away a sweep may be, how long one is waited for, how old earlier ones may be."""
+    limits_s = (config.max_time_offset_s, config.max_wait_s, config.max_sweep_age_s if config.radar_sweeps > 1 else 0.0)
+    offset_ns, wait_ns, age_ns = (round(limit_s * _SECOND) for limit_s in limits_s)
+    return offset_ns, wait_ns, age_ns
+
+
+def _jump_ns(config: PairingConfig) -> int:
+    # What comes within the wait is at most that much behind; the rest is room for streams that keep it less well.
+    return max(round(config.max_wait_s * _SECOND) + round(config.max_time_offset_s * _SECOND), _MIN_JUMP_NS)

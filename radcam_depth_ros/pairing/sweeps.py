@@ -39,16 +39,20 @@ class Sweeps(Generic[SweepT]):
     """
 
     def __init__(self, max_offset_ns: int, max_wait_ns: int, max_age_ns: int = 0) -> None:
-        self._max_offset_ns = max_offset_ns
-        self._max_wait_ns = max_wait_ns
-        self._max_age_ns = max_age_ns
-        self._keep_ns = _SECOND + 2 * (max_wait_ns + max_offset_ns) + max_age_ns
+        self.limit(max_offset_ns, max_wait_ns, max_age_ns)
         self._times_ns: list[int] = []  # ascending
         self._sweeps: list[SweepT] = []
         self._arrivals: deque[tuple[int, int]] = deque()  # when it came, and its time, in the order in which they came
         self._unmeasured: deque[tuple[int, int]] = deque(maxlen=_MAX_SWEEPS_KEPT)  # the same; their gaps do not count
         self._gaps_ns: deque[int] = deque(maxlen=_GAPS_KEPT)
         self._spacing_ns = 1  # m
+
+    def limit(self, max_offset_ns: int, max_wait_ns: int, max_age_ns: int) -> None:
+        """Sets the limits, from now on, to others."""
+        self._max_offset_ns = max_offset_ns
+        self._max_wait_ns = max_wait_ns
+        self._max_age_ns = max_age_ns
+        self._keep_ns = _SECOND + 2 * (max_wait_ns + max_offset_ns) + max_age_ns
 
     def add(self, time_ns: int, sweep: SweepT, now_ns: int) -> bool:
         """Takes a sweep that came at `now_ns`; False for one whose time is there already, which is dropped."""

@@ -22,6 +22,10 @@ class PairingError(RadcamDepthError):
     """A pairing that cannot work as configured, or a radar that it does not know."""
 
 
+ADJUSTABLE = ("max_time_offset_s", "max_wait_s", "max_sweep_age_s")
+"""What of `PairingConfig` can change while images are paired."""
+
+
 @dataclass(frozen=True)
 class PairingConfig:
     """How images and radar sweeps are paired.

@@ -8,7 +8,7 @@ from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.pipeline import PipelineConfig
 
-IMAGE_TRANSPORTS = ("raw", "compressed")
+IMAGE_TRANSPORTS = ("raw", "compressed", "compressed_topic")
 
 
 class ParameterError(RadcamDepthError):
@@ -21,7 +21,8 @@ class NodeConfig:
 
     Attributes:
         autostart: Configure and activate without being asked.
-        image_transport: `raw` takes sensor_msgs/Image, `compressed` takes sensor_msgs/CompressedImage.
+        image_transport: `raw` takes sensor_msgs/Image, `compressed` takes sensor_msgs/CompressedImage beside the
+            images' topic, as image_transport names it, `compressed_topic` on that topic itself.
         pipeline: What is read and how it is written.
         estimator: How depth is estimated.
     """

@@ -6,6 +6,7 @@ integer for a float: a node that stays up can say what is wrong in its diagnosti
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -27,14 +28,16 @@ class Parameters:
 
     Args:
         node: Whose parameters these are.
+        on_set: Called with the names of parameters that were set.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, on_set: Callable[[tuple[str, ...]], None] = lambda names: None) -> None:
         self._node = node
+        self._on_set = on_set
         self._refused: dict[str, str] = {}
         """What the parameter file gave that cannot be used, until it is set to something else."""
         self.frozen_because = ""
-        """Why parameters can't be set now; empty when they can."""
+        """Why parameters that are not adjustable can't be changed now; empty when they can."""
         for spec in PARAMETERS:
             self._declare(spec)
         node.add_on_set_parameters_callback(self._judge)
@@ -83,9 +86,11 @@ class Parameters:
     def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
         """Whether parameters may be set to new values, all together."""
         changes = {parameter.name: parameter.value for parameter in parameters if parameter.name in _BY_NAME}
-        if changes and self.frozen_because:
-            return SetParametersResult(successful=False, reason=self.frozen_because)
         try:
+            frozen = [name for name, value in changes.items() if self._is_frozen(_BY_NAME[name], value)]
+            if frozen:
+                reason = f"{' and '.join(frozen)} cannot change now: {self.frozen_because}"
+                return SetParametersResult(successful=False, reason=reason)
             if not self._refused.keys() - changes.keys():
                 self._build(changes)
             else:
@@ -95,6 +100,13 @@ class Parameters:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    def _is_frozen(self, spec: ParameterSpec, value: Any) -> bool:
+        # What stays as it is may be set, so that a whole file can be loaded.
+        return bool(self.frozen_because) and not spec.is_adjustable and spec.convert(value) != self._value(spec)
+
     def _note(self, parameters: list[Parameter]) -> None:
-        for parameter in parameters:
-            self._refused.pop(parameter.name, None)
+        names = tuple(parameter.name for parameter in parameters if parameter.name in _BY_NAME)
+        for name in names:
+            self._refused.pop(name, None)
+        if names:
+            self._on_set(names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import typing
 from collections.abc import Iterable
@@ -11,7 +12,19 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
+from radcam_depth_ros import estimator, pairing
 from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
+from radcam_depth_ros.pipeline import OutputConfig, Pipeline
+
+_ADJUSTABLE = frozenset(
+    (
+        *(f"pipeline.{name}" for name in Pipeline.ADJUSTABLE),
+        *(f"pipeline.output.{entry.name}" for entry in dataclasses.fields(OutputConfig)),
+        *(f"pipeline.pairing.{name}" for name in pairing.ADJUSTABLE),
+        *(f"estimator.{name}" for name in estimator.ADJUSTABLE),
+    )
+)
+"""Fields of `NodeConfig` that can change while the node is active."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +53,11 @@ class ParameterSpec:
     def default(self) -> Any:
         """The field's default."""
         return functools.reduce(getattr, self.path.split("."), NodeConfig())
+
+    @property
+    def is_adjustable(self) -> bool:
+        """Whether it can be set while the node is active."""
+        return self.path in _ADJUSTABLE
 
     @property
     def type(self) -> Parameter.Type:

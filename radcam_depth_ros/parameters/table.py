@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from radcam_depth_ros.engine import PRECISIONS
 from radcam_depth_ros.estimator import OUTPUT_SIZES
-from radcam_depth_ros.messages import DEPTH_ENCODINGS
+from radcam_depth_ros.intake import WITHOUT_RADAR
+from radcam_depth_ros.messages import COLORMAPS, DEPTH_ENCODINGS
 from radcam_depth_ros.pairing import MAX_SWEEPS
 from radcam_depth_ros.parameters.config import IMAGE_TRANSPORTS
 from radcam_depth_ros.parameters.spec import ParameterSpec
@@ -20,10 +21,15 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         "image_transport",
         "image_transport",
-        "raw takes sensor_msgs/Image; compressed takes sensor_msgs/CompressedImage on <image_topic>/compressed.",
+        "raw takes sensor_msgs/Image; compressed takes sensor_msgs/CompressedImage on <image_topic>/compressed, "
+        "compressed_topic on image_topic itself.",
         choices=IMAGE_TRANSPORTS,
     ),
-    ParameterSpec("camera_info_topic", "pipeline.camera_info", "Topic of the camera's calibration."),
+    ParameterSpec(
+        "camera_info_topic",
+        "pipeline.camera_info",
+        "Topic of the camera's calibration; empty takes camera_info beside the images, as image_transport does.",
+    ),
     ParameterSpec("radar_topics", "pipeline.radars", "Topics of the radars' point clouds."),
     ParameterSpec(
         "image_is_rectified",
@@ -129,15 +135,52 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         "depth_encoding",
-        "pipeline.depth_encoding",
+        "pipeline.output.depth_encoding",
         "Depth images: 32FC1 metres with NaN for no value, or 16UC1 millimetres with 0.",
         choices=DEPTH_ENCODINGS,
     ),
     ParameterSpec(
-        "preview_near_m", "pipeline.preview_near_m", "Depth of the preview's warmest colour (m).", 0.01, 1000.0
+        "preview_colormap",
+        "pipeline.output.preview_colormap",
+        "Colours of the preview; in turbo and jet near is red, in the others light.",
+        choices=COLORMAPS,
     ),
     ParameterSpec(
-        "preview_far_m", "pipeline.preview_far_m", "Depth of the preview's coldest colour (m).", 0.01, 1000.0
+        "preview_near_m",
+        "pipeline.output.preview_near_m",
+        "What is nearer has the preview's first colour (m).",
+        0.01,
+        1000.0,
+    ),
+    ParameterSpec(
+        "preview_far_m",
+        "pipeline.output.preview_far_m",
+        "What is further has the preview's last colour (m).",
+        0.01,
+        1000.0,
+    ),
+    ParameterSpec(
+        "points_stride",
+        "pipeline.output.points_stride",
+        "The point cloud has a point for each square of so many pixels' width.",
+        1,
+        64,
+    ),
+    ParameterSpec("points_near_m", "pipeline.output.points_near_m", "What is nearer gives no point (m).", 0.0, 1000.0),
+    ParameterSpec("points_far_m", "pipeline.output.points_far_m", "What is further gives no point (m).", 0.0, 1000.0),
+    ParameterSpec(
+        "without_radar",
+        "pipeline.without_radar",
+        "Images without radar returns: camera_only gives depth of the camera alone; hold gives it of each radar's last "
+        "sweep, for max_hold_s; suppress gives none, as long as no return is in view.",
+        choices=WITHOUT_RADAR,
+    ),
+    ParameterSpec(
+        "max_hold_s",
+        "pipeline.max_hold_s",
+        "With without_radar hold: no sweep is held for longer (s).",
+        0.0,
+        10.0,
     ),
     ParameterSpec("network", "estimator.network", "Network whose weights come with the package."),
     ParameterSpec(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from radcam_depth_ros.bags import BagReader, SensorTopics
-from radcam_depth_ros.drive import DriveSettings, prime
+from radcam_depth_ros.drive import DriveSettings, motion_topics, prime
 from radcam_depth_ros.frame import DepthResult, Frame
 from radcam_depth_ros.intake import Intake
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
@@ -101,7 +101,9 @@ def _frames(reader: BagReader, topics: SensorTopics, settings: DriveSettings) ->
     """The frames that the node would see, in their order."""
     intake = Intake(settings.intake(topics))
     prime(reader, intake, topics)
-    for message in reader.messages({topics.image, topics.camera_info, *topics.radars}):
+    moving = motion_topics(topics, intake.config)
+    for message in reader.messages({topics.image, topics.camera_info, *topics.radars, *moving}):
         yield from intake.expire(message.log_time_ns)
-        yield from intake.accept(message.topic, message.message, message.log_time_ns)
+        topic = moving.get(message.topic, message.topic)
+        yield from intake.accept(topic, message.message, message.log_time_ns)
     yield from intake.flush()

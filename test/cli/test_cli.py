@@ -150,7 +150,8 @@ def test_replay_and_export(tmp_path: Path, write_drive: Callable[..., Path], sma
     drive = write_drive(tmp_path / "drive.mcap", frames=2)
     exported = tmp_path / "baff.pt"
     assert run("export", exported, "--model", small_weights).exit_code == 0
-    result = run("replay", drive, tmp_path / "out.mcap", "--model", exported, "--encoding", "16UC1")
+    outputs = ("--encoding", "16UC1", "--output-size", "network", "--points", "--points-stride", 4)
+    result = run("replay", drive, tmp_path / "out.mcap", "--model", exported, *outputs, "--points-range", 0, 900)
     assert result.exit_code == 0, result.output
     with BagReader(tmp_path / "out.mcap") as reader:
         assert reader.count(["/depth/image_rect"]) == 2

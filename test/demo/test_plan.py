@@ -31,7 +31,6 @@ def test_the_node_is_set_for_the_bag(write_drive: Callable[..., Path], tmp_path:
     np.testing.assert_allclose(extrinsics.translation, CAMERA_FROM_RADAR.translation, atol=1e-9)
     assert set(plan.played) == {"/camera/image_raw", "/camera/camera_info", "/radar/points"}
     assert plan.images == 5
-    assert not plan.remappings
 
 
 def test_the_parameter_file_is_for_the_node(write_drive: Callable[..., Path], tmp_path: Path) -> None:
@@ -46,7 +45,6 @@ def test_a_real_drive_is_compressed_and_without_a_road(astyx_val: Path) -> None:
     plan = plan_drive(astyx_val)
     assert plan.parameters["image_topic"] == "/camera_front/image_raw"
     assert plan.parameters["image_transport"] == "compressed"
-    assert not plan.remappings
     assert "camera_height_m" not in plan.parameters
 
 

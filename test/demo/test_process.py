@@ -14,7 +14,7 @@ from demo.process import DemoError, NodeProcess
 def run(tmp_path: Path) -> Callable[[str], NodeProcess]:
     def make(program: str) -> NodeProcess:
         command = (sys.executable, "-u", "-c", program)
-        return NodeProcess(tmp_path / "node.yaml", tmp_path / "node.log", {}, command)
+        return NodeProcess(tmp_path / "node.yaml", tmp_path / "node.log", command)
 
     return make
 

@@ -14,7 +14,6 @@ from radcam_depth_ros.inspection import (
     Suggestion,
     check_parameters,
     ground_parameters,
-    render_parameters,
     topic_parameters,
     write_parameters,
 )
@@ -24,8 +23,8 @@ from radcam_depth_ros.intake import level_ground
 TOPICS = topic_parameters("/front/image_raw", "sensor_msgs/msg/Image", "/front/camera_info", ("/r1", "/r2"))
 
 
-def suggestion(*more: Setting, remapping: str = "") -> Suggestion:
-    return Suggestion((*(Setting(name, value, "why") for name, value in TOPICS.items()), *more), remapping)
+def suggestion(*more: Setting) -> Suggestion:
+    return Suggestion((*(Setting(name, value, "why") for name, value in TOPICS.items()), *more))
 
 
 def read(text: str) -> dict[str, Any]:
@@ -44,12 +43,6 @@ def test_the_file_has_what_is_needed_and_the_rest_as_comments(tmp_path: Path) ->
     assert f"# camera_from_radar: {pose}" in text
     assert "drive.mcap" in text.splitlines()[0]
     assert [path.name for path in tmp_path.iterdir()] == ["node.yaml"]
-
-
-def test_a_remapping_is_told() -> None:
-    text = render_parameters(suggestion(remapping="/jpeg/compressed:=/jpeg"), "drive")
-    assert "-r /jpeg/compressed:=/jpeg" in text
-    assert read(text) == TOPICS
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,32 @@ def test_depth_without_values_gives_no_points(maker):
     assert len(decode_points(maker.send(message, "sensor_msgs/msg/PointCloud2")).xyz_m) == 0
 
 
+@settings(max_examples=30, deadline=None)
+@given(
+    size=st.tuples(st.integers(1, 40), st.integers(1, 150)),
+    stride=st.integers(1, 64),
+    limits=st.tuples(st.floats(0, 500), st.floats(500, 1000)),
+)
+def test_a_stride_and_a_range_leave_points_out_and_move_none(make, size, stride, limits):
+    width, height = size
+    camera = CameraModel(width, height, 50.0, 40.0, width / 2, height / 2)
+    depth = np.random.default_rng(1).uniform(0.5, 1200, (height, width)).astype(np.float32)
+    image = np.random.default_rng(0).integers(0, 256, (height, width, 3), np.uint8)
+    near_m, far_m = limits
+    message = encode_cloud(make, depth, image, camera, STAMP, "camera", stride=stride, near_m=near_m, far_m=far_m)
+    xyz = decode_points(message).xyz_m
+    start = min(stride // 2, width - 1, height - 1)
+    taken = np.zeros_like(depth, bool)
+    taken[start::stride, start::stride] = True
+    taken &= (depth >= near_m) & (depth <= far_m)
+    np.testing.assert_array_equal(xyz[:, 2], depth[taken])
+    rows, columns = np.nonzero(taken)
+    uv = xyz[:, :2] / xyz[:, 2:] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    np.testing.assert_allclose(uv, np.stack([columns, rows], axis=1), atol=1e-3)
+    red = np.frombuffer(message.data, np.uint32).reshape(-1, 4)[:, 3] >> 16
+    np.testing.assert_array_equal(red, image[..., 0][taken])
+
+
 def test_tall_images_keep_the_order_of_their_pixels(make):
     camera = CameraModel(5, 150, 5.0, 5.0, 2.0, 75.0)
     depth = np.arange(750, dtype=np.float32).reshape(150, 5)
@@ -68,6 +94,12 @@ def test_tall_images_keep_the_order_of_their_pixels(make):
 def test_sizes_that_differ_are_refused(make, depth, image, got):
     with pytest.raises(MessageError, match=r"depth \(4, 6\) float32 and image \(4, 6, 3\) uint8 .* got " + got):
         encode_cloud(make, depth, image, CAMERA, STAMP, "camera")
+
+
+def test_a_stride_below_one_is_refused(make):
+    depth, image = np.ones((4, 6), np.float32), np.zeros((4, 6, 3), np.uint8)
+    with pytest.raises(MessageError, match=r"stride of 1 or more .* got 0"):
+        encode_cloud(make, depth, image, CAMERA, STAMP, "camera", stride=0)
 
 
 @settings(max_examples=20, deadline=None)

@@ -8,6 +8,7 @@ from hypothesis.extra import numpy as npst
 
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import (
+    COLORMAPS,
     Calibration,
     MessageError,
     colorise,
@@ -131,6 +132,22 @@ def test_preview(maker):
     assert (image[2, :2] == 0).all()
     # Black is kept for "no value".
     assert (colorise(np.geomspace(0.1, 1000, 500, dtype=np.float32)[None], 1.0, 80.0).sum(axis=2) > 0).all()
+
+
+@pytest.mark.parametrize("colormap", COLORMAPS)
+def test_previews_of_all_colours_tell_near_from_far_and_keep_black(colormap):
+    depth = np.geomspace(0.1, 1000, 500, dtype=np.float32)[None]
+    depth[0, 0] = np.nan
+    colours = colorise(depth, 1.0, 80.0, colormap)[0]
+    assert (colours[0] == 0).all()
+    assert (colours[1:].sum(axis=1) > 0).all()
+    assert len(np.unique(colours, axis=0)) > 120
+    assert (colours[1] != colours[-1]).any()
+
+
+def test_colours_that_there_are_not_are_refused():
+    with pytest.raises(MessageError, match=r"expected the colours turbo, .* got 'pink'"):
+        colorise(np.ones((2, 2), np.float32), 1.0, 80.0, "pink")
 
 
 @pytest.mark.parametrize(("near", "far"), [(0.0, 80.0), (5.0, 5.0), (1.0, np.inf), (np.nan, 80.0)])

@@ -29,7 +29,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from radcam_depth_ros.estimator import EstimatorConfig
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node import depth_node
@@ -62,6 +62,13 @@ class FakeEstimator:
 
     def describe(self) -> str:
         return "made up"
+
+    def can_adjust(self, config: EstimatorConfig) -> bool:
+        return Estimator.can_adjust(self, config)
+
+    def adjust(self, config: EstimatorConfig) -> None:
+        assert self.can_adjust(config)
+        self.config = config
 
     def warm_up(self, camera: CameraModel) -> None:
         assert camera.width > 0

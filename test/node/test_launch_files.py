@@ -20,13 +20,14 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from radcam_depth_ros.node.latency import LATENCY_TOPICS
 from radcam_depth_ros.parameters import PARAMETERS
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS, PipelineConfig
 
 ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch"
 NAMES = {spec.name for spec in PARAMETERS}
-INPUTS = (PipelineConfig().image, PipelineConfig().camera_info, *PipelineConfig().radars)
+INPUTS = (PipelineConfig().image, PipelineConfig().calibration_topic, *PipelineConfig().radars)
 PYTHON_FILES = sorted(LAUNCH.glob("*.py"))
 
 
@@ -93,7 +94,7 @@ def test_the_xml_include_remaps_every_topic_of_the_node() -> None:
     defaults = {f"$(var {argument.get('name')})": argument.get("default") for argument in root.findall("arg")}
     (node,) = root.findall("node")
     remaps = {remap.get("from"): remap.get("to") for remap in node.findall("remap")}
-    assert set(remaps) == {*INPUTS, *OUTPUT_TOPICS.values()}
+    assert set(remaps) == {*INPUTS, *OUTPUT_TOPICS.values(), *LATENCY_TOPICS.values()}
     assert all(defaults[str(to)] == topic for topic, to in remaps.items()), "by default each has its own name"
 
 
@@ -249,6 +250,8 @@ def test_launched_with_all_that_sets_a_parameter(launched: Launched) -> None:
         "radar_time_offset_s": ("-0.05", "radar_time_offset_s", -0.05),
         "depth_encoding": ("16UC1", "depth_encoding", "16UC1"),
         "output_size": ("network", "output_size", "network"),
+        "points_stride": ("4", "points_stride", 4),
+        "without_radar": ("hold", "without_radar", "hold"),
         "network": ("baff", "network", "baff"),
         "model_file": ("/models/mine.safetensors", "model_file", "/models/mine.safetensors"),
         "device": ("cuda:1", "device", "cuda:1"),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rclpy.qos import ReliabilityPolicy
 
-from radcam_depth_ros.node import diagnostics
+from radcam_depth_ros.node import watchdog
 
 RADAR = "radar /radar/points"
 
@@ -53,8 +53,8 @@ def test_a_publisher_that_cannot_be_heard_is_named_with_its_policy(start: Callab
 def test_without_any_input_one_line_says_what_is_missing(
     start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(diagnostics, "NO_OUTPUT_S", 0.3)
-    monkeypatch.setattr(diagnostics, "SILENCE_S", 0.3)
+    monkeypatch.setattr(watchdog, "NO_OUTPUT_S", 0.3)
+    monkeypatch.setattr(watchdog, "SILENCE_S", 0.3)
     bench = start()
     bench.until(lambda: [line for line in bench.logs if "no depth for" in line])
     bench.until(lambda: bench.status("camera", "nobody publishes it"))
@@ -67,8 +67,37 @@ def test_without_any_input_one_line_says_what_is_missing(
     bench.await_depth()
 
 
+def test_before_the_first_depth_one_line_says_what_there_is_in_place_of_what_is_missing(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = start(autostart=False)
+    for topic, type_name in {
+        "image": "Image",
+        "front/camera_info": "CameraInfo",
+        "radar_front/points": "PointCloud2",
+    }.items():
+        bench.advertise(topic, f"sensor_msgs/msg/{type_name}")
+    bench.until(lambda: bench.node.count_publishers("/radar_front/points"), what="discovery")
+    assert bench.change_state("configure")
+    assert bench.change_state("activate")
+    bench.send_until(lambda: bench.status("camera", "Hz on /image"), what="images")
+    monkeypatch.setattr(watchdog, "NO_OUTPUT_S", 0.1)
+    bench.send_until(lambda: bench.status("output", "no depth for"), what="its line")
+    words = (
+        "(1) images come, but no sensor_msgs/msg/CameraInfo on /camera_info (no publishers): nobody publishes it; of "
+        "this type there is /front/camera_info: set camera_info_topic to it",
+        "(2) sensor_msgs/msg/PointCloud2 on /radar/points (no publishers): nobody publishes it; of this type there is "
+        "/radar_front/points: set radar_topics to it",
+    )
+    bench.until(lambda: [line for line in bench.logs if all(part in line for part in words)], what="it in the log")
+    bench.diagnostics.clear()
+    bench.until(lambda: len(bench.diagnostics) > 2)
+    assert all(part in bench.diagnostics[-1]["output"].message for part in words)
+    assert len([line for line in bench.logs if "no depth for" in line]) == 1
+
+
 def test_no_radar_is_a_degraded_mode_that_is_named(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnostics, "SILENCE_S", 0.3)
+    monkeypatch.setattr(watchdog, "SILENCE_S", 0.3)
     bench = start()
     bench.connect("radar/points")
     bench.await_depth()

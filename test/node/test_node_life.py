@@ -18,7 +18,7 @@ def test_depth_comes_from_a_node_that_was_only_started(start: Callable[..., Any]
     assert (depth.height, depth.width, depth.encoding, depth.header.frame_id) == (64, 96, "32FC1", "camera")
     assert bench.state == "active"
     bench.send_until(lambda: bench.status("inference", "ms from image to depth"))
-    parts = {"camera", "radar /radar/points", "calibration", "pairing", "inference", "output", "model"}
+    parts = {"health", "camera", "radar /radar/points", "calibration", "pairing", "inference", "output", "model"}
     assert bench.diagnostics[-1].keys() == parts
     assert {name: status.message for name, status in bench.diagnostics[-1].items() if status.level != b"\x00"} == {}
 
@@ -44,16 +44,19 @@ def test_preview_points_and_classes_are_made_only_while_somebody_subscribes(
 ) -> None:
     bench = start(lambda config: make_estimator(config, tells_classes=True))
     bench.connect()
-    asked: list[dict[str, bool]] = []
-    session = bench.node._session
-    process = session.pipeline.process
-    session.pipeline.process = lambda frame, **wanted: (asked.append(wanted), process(frame, **wanted))[1]
+    asked: dict[str, bool] = {}
+    pipeline = bench.node._session.pipeline
+
+    def noting(half: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *given, **wanted: (asked.update(wanted), half(*given, **wanted))[1]
+
+    pipeline.estimate, pipeline.encode = noting(pipeline.estimate), noting(pipeline.encode)
     bench.await_depth()
-    assert asked[-1] == {"preview": False, "points": False, "classes": False}
+    assert asked == {"preview": False, "points": False, "classes": False}
     bench.subscribe("depth/preview", "sensor_msgs/msg/Image", lambda _: None)
-    bench.send_until(lambda: asked[-1] == {"preview": True, "points": False, "classes": False}, what="a preview")
+    bench.send_until(lambda: asked == {"preview": True, "points": False, "classes": False}, what="a preview")
     bench.subscribe("semantics/image", "sensor_msgs/msg/Image", lambda _: None)
-    bench.send_until(lambda: asked[-1] == {"preview": True, "points": False, "classes": True}, what="classes")
+    bench.send_until(lambda: asked == {"preview": True, "points": False, "classes": True}, what="classes")
 
 
 def test_compressed_images_on_the_topic_beside(start: Callable[..., Any]) -> None:
@@ -118,19 +121,23 @@ def test_parameters_are_set_while_the_node_is_not_active(
 ) -> None:
     bench = start()
     bench.until(lambda: bench.state == "active")
-    assert "deactivate it first" in bench.set_parameter("depth_encoding", "16UC1")
+    refusal = bench.set_parameter("camera_frame", "eye")
+    assert refusal == (
+        "camera_frame cannot change now: the node is active; deactivate it first, then activate it again "
+        "(ros2 lifecycle set /radcam_depth deactivate)"
+    )
     assert all(bench.change_state(label) for label in stop)
-    assert "32FC1, 16UC1, got '8UC1'" in bench.set_parameter("depth_encoding", "8UC1")
-    assert bench.set_parameter("depth_encoding", "16UC1") == ""
+    assert "raw, compressed, compressed_topic, got 'zip'" in bench.set_parameter("image_transport", "zip")
+    assert bench.set_parameter("camera_frame", "eye") == ""
     assert all(bench.change_state(label) for label in (*go, "activate"))
     bench.connect()
-    bench.send_until(lambda: bench.depth and bench.depth[-1].encoding == "16UC1", what="16UC1")
+    assert bench.await_depth(lambda: bench.send_pair(bench.image(frame_id=""))).header.frame_id == "eye"
 
 
 @pytest.mark.parametrize(
     ("line", "expected", "mended"),
     [
-        ("image_transport: zip", "the parameter image_transport must be one of raw, compressed, got 'zip'", "raw"),
+        ("image_transport: zip", "image_transport must be one of raw, compressed, compressed_topic, got 'zip'", "raw"),
         ("max_wait_s: 99", "the parameter max_wait_s must be within 0 and 10, got 99", 0.02),
         ("threads: two", "the parameter threads must be a whole number, got 'two'", 1),
         ("image_topic: 'a b'", "expected the name of a topic in the parameters, got 'a b'", "image"),

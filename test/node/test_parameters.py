@@ -107,6 +107,9 @@ def test_a_file_may_give(context: Any, name: str, value: Any, expected: Any) -> 
         ("camera_from_radar", ["x"], "camera_from_radar must be a list of numbers, got ['x']"),
         ("camera_from_radar", [1.0, 2.0], "camera_from_radar needs x y z qx qy qz qw"),
         ("image_topic", "camera_info", "must be different topics"),
+        ("preview_colormap", "pink", "preview_colormap must be one of turbo, jet, viridis"),
+        ("points_stride", 0, "points_stride must be within 1 and 64, got 0"),
+        ("points_near_m", 1000.0, "0 <= points_near_m < points_far_m, got 1000.0 and 1000.0"),
         ("radar_time_offset_s", "soon", "radar_time_offset_s must be a number, got 'soon'"),
         ("radar_time_offset_s", [0.0, 99.0], "radar_time_offset_s must be within -10 and 10, got 99.0"),
         ("radar_time_offset_s", [0.0, 0.1], "one value for all radars or one for each of 1, got 2: [0.0, 0.1]"),
@@ -143,7 +146,59 @@ def test_parameters_are_judged_together(context: Any) -> None:
     near, far = Parameter("preview_near_m", value=100.0), Parameter("preview_far_m", value=200.0)
     assert "preview_near_m < preview_far_m" in node.set_parameters([near])[0].reason
     assert node.set_parameters_atomically([near, far]).successful
-    assert parameters.read().pipeline.preview_near_m == 100.0
+    assert parameters.read().pipeline.output.preview_near_m == 100.0
+    node.destroy_node()
+
+
+def test_what_does_not_fit_what_else_is_set_is_refused(context: Any) -> None:
+    node = Node("radcam_depth", context=context)
+    parameters = Parameters(node)
+    assert node.set_parameters([Parameter("without_radar", value="suppress")])[0].successful
+    assert "no depth would ever come out" in node.set_parameters([Parameter("radar_topics", value=[""])])[0].reason
+    both = [Parameter("radar_topics", value=[""]), Parameter("without_radar", value="hold")]
+    assert node.set_parameters_atomically(both).successful
+    assert parameters.read().pipeline.without_radar == "hold"
+    node.destroy_node()
+
+
+ADJUSTABLE = {
+    "camera_height_m": 1.2,
+    "camera_pitch_deg": 1.0,
+    "camera_roll_deg": 1.0,
+    "max_time_offset_s": 0.2,
+    "max_wait_s": 0.2,
+    "max_sweep_age_s": 0.2,
+    "depth_encoding": "16UC1",
+    "preview_colormap": "grey",
+    "preview_near_m": 3.0,
+    "preview_far_m": 60.0,
+    "points_stride": 4,
+    "points_near_m": 1.0,
+    "points_far_m": 40.0,
+    "without_radar": "hold",
+    "max_hold_s": 0.2,
+    "output_size": "network",
+}
+
+
+def test_while_they_are_frozen_only_what_is_adjustable_changes_and_who_uses_it_is_told(context: Any) -> None:
+    assert {spec.name for spec in PARAMETERS if spec.is_adjustable} == ADJUSTABLE.keys()
+    told: list[tuple[str, ...]] = []
+    node = Node("radcam_depth", context=context)
+    parameters = Parameters(node, told.append)
+    parameters.frozen_because = "it is busy"
+    for name, value in ADJUSTABLE.items():
+        assert node.set_parameters([Parameter(name, value=value)])[0].successful
+    assert told == [(name,) for name in ADJUSTABLE]
+    told.clear()
+    both = [Parameter("network", value="cafnet"), Parameter("device", value="cuda"), Parameter("max_wait_s", value=0.3)]
+    result = node.set_parameters_atomically(both)
+    assert (result.successful, result.reason) == (False, "network and device cannot change now: it is busy")
+    assert node.set_parameters([Parameter("network", value="baff")])[0].successful  # which it is
+    assert "must be a text, got" in node.set_parameters([Parameter("radar_frame", value=3)])[0].reason
+    assert told == [("network",)]
+    read = parameters.read()
+    assert (read.pipeline.pairing.max_wait_s, read.estimator.output_size) == (0.2, "network")
     node.destroy_node()
 
 

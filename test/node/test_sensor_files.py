@@ -46,4 +46,4 @@ def test_astyx_is_as_its_bags_are(context: Any, astyx_val: Path) -> None:
     with BagReader(astyx_val) as reader:
         topics = find_topics(reader.topics)
     assert topics.image == f"{config.pipeline.image}/{config.image_transport}"
-    assert (topics.camera_info, topics.radars) == (config.pipeline.camera_info, config.pipeline.radars)
+    assert (topics.camera_info, topics.radars) == (config.pipeline.calibration_topic, config.pipeline.radars)

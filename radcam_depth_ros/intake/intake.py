@@ -1,114 +1,33 @@
-"""Messages -> Frame: decodes what comes, pairs images with radar sweeps, and brings all into the camera's frame."""
+"""Takes messages as they come and gives frames."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import GeometryError, RigidTransform, TransformTree, ground_plane
+from radcam_depth_ros.intake.settings import TRANSFORM_TOPICS, IntakeConfig, IntakeError
 from radcam_depth_ros.messages import (
     Calibration,
-    FieldAliases,
     ImageReading,
     RadarReading,
     decode_image,
     decode_radar,
     decode_transforms,
 )
-from radcam_depth_ros.motion import Memory, Motion, MotionError, displacement, move
-from radcam_depth_ros.pairing import Pair, Pairer, PairingConfig, PairingCounts, for_each_radar
+from radcam_depth_ros.motion import Memory, Motion, MotionError, Mounts, displacement, move
+from radcam_depth_ros.pairing import Pair, Pairer, PairingCounts, for_each_radar
 
-TRANSFORM_TOPICS = ("/tf_static", "/tf")
 _SECOND = 1_000_000_000
 _LATE_IMAGE_NS = _SECOND
 """An image may be so much older than one that came out before it."""
 _LIVE_MEMORY = Memory(reach_ns=_SECOND // 10, jump_ns=_SECOND // 10, kept=4096)
 """Live, the pose of an image's time comes after the image."""
-
-
-class IntakeError(RadcamDepthError):
-    """An image that no frame can be made of, such as for a missing transform, or a setting that does not fit."""
-
-
-@dataclass(frozen=True)
-class IntakeConfig:
-    """What is read, and how frames are made of it.
-
-    Attributes:
-        image: Topic of the images, sensor_msgs/Image or CompressedImage.
-        camera_info: Topic of the camera's calibration.
-        radars: Topics of the radars' point clouds; may be empty.
-        image_is_rectified: The images are free of distortion, as `image_rect` topics are, whatever camera_info says.
-        camera_frame: Frame of the camera where the image's frame_id is empty.
-        radar_frame: Frame of the radars where a cloud's frame_id is empty, one for all of them or one for each.
-        radar_fields: Names of the clouds' fields where they are not among those that are known, as
-            `FieldAliases.parse` reads them; one text for all radars or one for each.
-        camera_from_radar: Extrinsics in place of `/tf_static`: x y z in metres and the quaternion x y z w of each
-            radar in the camera's optical frame, 7 numbers a radar, in the order of `radars`.
-        footprint_frame: Frame on the road under the vehicle (REP 105); gives the camera's height and attitude.
-        camera_height_m: Height of the camera above the road, in place of `footprint_frame`; 0 where unknown.
-        camera_pitch_deg: With `camera_height_m`: how far the camera looks down, degrees.
-        camera_roll_deg: With `camera_height_m`: how far the camera leans to its right, degrees.
-        radar_motion_compensation: Returns of a single sweep are moved to the image's time, too; those of several always
-            are.
-        odometry: Topic of the vehicle's nav_msgs/Odometry, by which returns are moved; empty takes `/tf`.
-        odom_frame: Of `/tf`: the frame that stands still.
-        pairing: How images find their radar sweeps.
-    """
-
-    image: str = "image"
-    camera_info: str = "camera_info"
-    radars: tuple[str, ...] = ("radar/points",)
-    image_is_rectified: bool = False
-    camera_frame: str = ""
-    radar_frame: str | tuple[str, ...] = ""
-    radar_fields: str | tuple[str, ...] = ""
-    camera_from_radar: tuple[float, ...] = ()
-    footprint_frame: str = "base_footprint"
-    camera_height_m: float = 0.0
-    camera_pitch_deg: float = 0.0
-    camera_roll_deg: float = 0.0
-    radar_motion_compensation: bool = False
-    odometry: str = ""
-    odom_frame: str = "odom"
-    pairing: PairingConfig = field(default_factory=PairingConfig)
-
-    def __post_init__(self) -> None:
-        expected = 7 * len(self.radars)
-        if self.camera_from_radar and len(self.camera_from_radar) != expected:
-            raise IntakeError(
-                f"camera_from_radar needs x y z qx qy qz qw for each of {len(self.radars)} radars, {expected} numbers, "
-                f"got {len(self.camera_from_radar)}"
-            )
-        if not 0 <= self.camera_height_m < math.inf:
-            raise IntakeError(f"camera_height_m must be 0 (unknown) or positive, got {self.camera_height_m}")
-        topics = (self.image, self.camera_info, *self.radars, *((self.odometry,) if self.odometry else ()))
-        if len(set(topics)) != len(topics):
-            raise IntakeError(
-                f"image, camera_info, the radars and odometry must be different topics, got {', '.join(topics)}"
-            )
-        for_each_radar("radar_time_offset_s", self.pairing.radar_time_offset_s, len(self.radars))
-        for_each_radar("radar_frame", self.radar_frame, len(self.radars))
-        self.field_aliases()
-
-    @property
-    def moves_radar(self) -> bool:
-        """Whether returns are moved to the image's time, for which the vehicle's motion must be known."""
-        return bool(self.radars) and (self.radar_motion_compensation or self.pairing.radar_sweeps > 1)
-
-    def field_aliases(self) -> tuple[FieldAliases, ...]:
-        """The names of each radar's fields.
-
-        Raises:
-            RadcamDepthError: when `radar_fields` names something else, or is of another number of radars.
-        """
-        texts = for_each_radar("radar_fields", self.radar_fields, len(self.radars))
-        return tuple(FieldAliases.parse(text) for text in texts)
 
 
 class Intake:
@@ -125,9 +44,20 @@ class Intake:
         last_motion_problem: Why it was so the last time.
     """
 
+    ADJUSTABLE: ClassVar[tuple[str, ...]] = (
+        "camera_height_m",
+        "camera_pitch_deg",
+        "camera_roll_deg",
+        "without_radar",
+        "max_hold_s",
+    )
+    """What of the config, besides `pairing.ADJUSTABLE`, can change while messages are taken."""
+
     def __init__(self, config: IntakeConfig) -> None:
         self.config = config
         self.transforms = TransformTree()
+        self._mounts = Mounts(self.transforms, _LIVE_MEMORY)
+        self._last_sweeps: dict[int, tuple[RadarReading, int]] = {}  # by radar, with its time
         self.dropped_returns = dict.fromkeys(config.radars, 0)
         self.unmoved_frames = 0
         self.motion_problem = self.last_motion_problem = ""
@@ -143,6 +73,18 @@ class Intake:
             for values in np.reshape(config.camera_from_radar, (-1, 7))
         )
 
+    def adjust(self, config: IntakeConfig) -> None:
+        """Takes up a config that differs in what is `ADJUSTABLE`, from the next frame on.
+
+        Raises:
+            RadcamDepthError: when more differs.
+        """
+        kept = {name: getattr(self.config, name) for name in self.ADJUSTABLE}
+        if replace(config, pairing=self.config.pairing, **kept) != self.config:
+            raise IntakeError(f"only {', '.join(self.ADJUSTABLE)} and limits of pairing can change; begin anew")
+        self._pairer.adjust(config.pairing)
+        self.config = config
+
     @property
     def camera(self) -> CameraModel | None:
         """The rectified camera; None until camera_info came."""
@@ -152,6 +94,11 @@ class Intake:
     def counts(self) -> PairingCounts:
         """What was paired so far."""
         return self._pairer.counts
+
+    @property
+    def offsets_s(self) -> dict[str, tuple[float, ...]]:
+        """Of each radar: stamps of the last sweeps that were taken, corrected, minus the images', seconds."""
+        return dict(zip(self.config.radars, self._pairer.offsets_s, strict=True))
 
     def accept(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
         """Takes one message.
@@ -175,7 +122,7 @@ class Intake:
             sweep = decode_radar(message, self._aliases[topic])
             self.dropped_returns[topic] = sweep.dropped
             return self._frames(self._pairer.add_sweep(topic, sweep.stamp_ns, sweep, now_ns))
-        if topic == self.config.camera_info:
+        if topic == self.config.calibration_topic:
             if self._calibration is None or not self._calibration.matches(message):
                 self._calibration = None
                 self._calibration = Calibration(message, image_is_rectified=self.config.image_is_rectified)
@@ -183,6 +130,8 @@ class Intake:
             links = decode_transforms(message)
             for link in links:
                 self.transforms.set(link.parent_frame, link.child_frame, link.parent_from_child)
+                if topic == TRANSFORM_TOPICS[1]:
+                    self._mounts.accept(link)
             if topic == TRANSFORM_TOPICS[1] and self._motion is not None and not self.config.odometry:
                 self._motion.accept_links(links)
         elif topic == self.config.odometry and self._motion is not None:
@@ -200,13 +149,22 @@ class Intake:
         self._ready.clear()
         return frames
 
-    def camera_from_radar(self, index: int, radar_frame: str, camera_frame: str) -> RigidTransform:
+    def camera_from_radar(
+        self,
+        index: int,
+        radar_frame: str,
+        camera_frame: str,
+        camera_ns: int | None = None,
+        radar_ns: int | None = None,
+    ) -> RigidTransform:
         """Where a radar is, from the config or the transform tree.
 
         Args:
             index: The radar's place in `config.radars`.
             radar_frame: The frame of its clouds; the config's is taken where it is empty.
             camera_frame: The camera's frame.
+            camera_ns: When the camera is there, and
+            radar_ns: when the radar was, where a mount moves; None for the newest that is known.
 
         Raises:
             RadcamDepthError: when nobody tells.
@@ -224,7 +182,9 @@ class Intake:
                 f"no transform from {frame!r} to {camera_frame!r}: nothing came on /tf_static; publish it, or set the "
                 "parameter camera_from_radar (x y z qx qy qz qw)"
             )
-        return self.transforms.lookup(camera_frame, frame)
+        if camera_ns is None or radar_ns is None:
+            return self.transforms.lookup(camera_frame, frame)
+        return self._mounts.lookup(camera_frame, camera_ns, frame, radar_ns)
 
     def _new_motion(self, camera_frame: str) -> Motion:
         config = self.config
@@ -267,7 +227,8 @@ class Intake:
     def _frame(self, pair: Pair[ImageReading, RadarReading]) -> Frame:
         if self._calibration is None:
             raise IntakeError(
-                f"an image came on {self.config.image!r} but no usable camera_info on {self.config.camera_info!r}; "
+                f"an image came on {self.config.image!r} but no usable camera_info on "
+                f"{self.config.calibration_topic!r}; "
                 "publish the camera's calibration there, or set the topic's name"
             )
         reading = pair.image
@@ -283,27 +244,26 @@ class Intake:
         if self.motion_problem:
             self.unmoved_frames += 1
             self.last_motion_problem = self.motion_problem
-        if self._motion is not None:
-            self._motion.forget_before(
-                pair.stamp_ns - round(self.config.pairing.max_sweep_age_s * _SECOND) - _LATE_IMAGE_NS
-            )
+        oldest_s = max(self.config.pairing.max_sweep_age_s, self.config.max_hold_s)
+        for poses in (self._mounts, *((self._motion,) if self._motion is not None else ())):
+            poses.forget_before(pair.stamp_ns - round(oldest_s * _SECOND) - _LATE_IMAGE_NS)
         return Frame(
             reading.stamp_ns,
             frame_id,
             reading.image,
             self._calibration.camera,
             RadarReturns.concatenate(parts),
-            self._ground(frame_id),
+            self._ground(frame_id, reading.stamp_ns),
             tuple(len(part) for part in parts),
             self._calibration.lens,
         )
 
     def _radar(self, index: int, pair: Pair[ImageReading, RadarReading], camera_frame: str) -> RadarReturns:
         """A radar's returns: of the nearest sweep, and of those before it as far as they can be moved."""
-        nearest, offset_s = pair.sweeps[index], pair.offsets_s[index]
+        nearest, offset_s = self._nearest(index, pair)
         if nearest is None or offset_s is None:
             return RadarReturns.empty()
-        returns = self._in_camera(index, nearest, camera_frame, offset_s)
+        returns = self._in_camera(index, nearest, camera_frame, pair.stamp_ns, offset_s)
         if not self.config.moves_radar:
             return returns
         earlier = pair.earlier[index] if pair.earlier else ()
@@ -319,6 +279,17 @@ class Intake:
             )
         return RadarReturns.concatenate(tuple(parts)) if parts else returns
 
+    def _nearest(self, index: int, pair: Pair[ImageReading, RadarReading]) -> tuple[RadarReading | None, float | None]:
+        """A radar's nearest sweep and its offset; where there is none, its last one where that may be held."""
+        sweep, offset_s = pair.sweeps[index], pair.offsets_s[index]
+        if sweep is not None and offset_s is not None:
+            self._last_sweeps[index] = (sweep, pair.stamp_ns + round(offset_s * _SECOND))
+        elif self.config.without_radar == "hold" and index in self._last_sweeps:
+            held, time_ns = self._last_sweeps[index]
+            if 0 <= pair.stamp_ns - time_ns <= self.config.max_hold_s * _SECOND:
+                return held, (time_ns - pair.stamp_ns) / _SECOND
+        return sweep, offset_s
+
     def _moved(
         self, index: int, sweep: RadarReading, camera_frame: str, image_ns: int, offset_s: float
     ) -> RadarReturns:
@@ -326,25 +297,37 @@ class Intake:
         motion = self._motion
         if motion is None:
             raise MotionError("the images have no frame_id that /tf could place")
-        returns = self._in_camera(index, sweep, camera_frame, offset_s)
-        radar_m = self.camera_from_radar(index, sweep.frame_id, camera_frame).translation
-        base_from_camera = self.transforms.lookup(motion.base_frame or camera_frame, camera_frame)
-        sweep_ns = image_ns + round(offset_s * _SECOND)
+        sweep_ns, base_frame = image_ns + round(offset_s * _SECOND), motion.base_frame or camera_frame
+        # Of /tf the poses are the camera's own, its mount's motion included; odometry's leave that to the mounts.
+        seen_ns = sweep_ns if base_frame == camera_frame else image_ns
+        returns = self._in_camera(index, sweep, camera_frame, image_ns, offset_s, seen_ns)
+        radar_m = self.camera_from_radar(index, sweep.frame_id, camera_frame, seen_ns, sweep_ns).translation
+        base_from_camera = self._mounts.lookup(base_frame, image_ns, camera_frame, image_ns)
         how = displacement(motion, base_from_camera, radar_m, sweep_ns, image_ns)
         return move(returns, how, is_over_ground=sweep.is_over_ground)
 
-    def _in_camera(self, index: int, sweep: RadarReading, camera_frame: str, offset_s: float) -> RadarReturns:
+    def _in_camera(
+        self,
+        index: int,
+        sweep: RadarReading,
+        camera_frame: str,
+        image_ns: int,
+        offset_s: float,
+        seen_ns: int | None = None,
+    ) -> RadarReturns:
+        """A sweep's returns in the camera's axes as these are at the image's time, or at `seen_ns`."""
         returns = sweep.returns
         age_s = np.full(len(returns), -offset_s, np.float32)
-        camera_from_radar = self.camera_from_radar(index, sweep.frame_id, camera_frame)
+        sweep_ns, camera_ns = image_ns + round(offset_s * _SECOND), image_ns if seen_ns is None else seen_ns
+        camera_from_radar = self.camera_from_radar(index, sweep.frame_id, camera_frame, camera_ns, sweep_ns)
         return RadarReturns(camera_from_radar.apply(returns.xyz_m), returns.rcs_dbsm, returns.radial_speed_mps, age_s)
 
-    def _ground(self, camera_frame: str) -> GroundPlane:
+    def _ground(self, camera_frame: str, image_ns: int) -> GroundPlane:
         if self.config.camera_height_m > 0:
             return level_ground(self.config.camera_height_m, self.config.camera_pitch_deg, self.config.camera_roll_deg)
         footprint = self.config.footprint_frame
         if camera_frame and footprint and self.transforms.can_transform(camera_frame, footprint):
-            return ground_plane(self.transforms.lookup(camera_frame, footprint))
+            return ground_plane(self._mounts.lookup(camera_frame, image_ns, footprint, image_ns))
         return GroundPlane()
 
 

@@ -1,0 +1,252 @@
+"""How each part of the running node does."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from rclpy.node import Node
+
+from radcam_depth_ros.node.health import Level, Problems, Rate, Status
+from radcam_depth_ros.node.inputs import Input
+from radcam_depth_ros.node.outputs import Outputs
+from radcam_depth_ros.node.session import Session
+from radcam_depth_ros.node.watchdog import Watchdog
+from radcam_depth_ros.pairing import CLOCK_WARNING_S, PairingCounts, clock_warning
+
+Values = tuple[tuple[str, str], ...]
+_WITHOUT_RADAR = {
+    "camera_only": "their depth is from the camera alone",
+    "hold": "their depth is from older returns, and once these are too old from the camera alone",
+    "suppress": "so they get no depth",
+}
+
+
+class Vitals:
+    """Looks at a session, once for each diagnostics message.
+
+    Args:
+        node: The node.
+        session: What lives while it is active.
+        outputs: Its publishers.
+        problems: What was reported.
+    """
+
+    def __init__(self, node: Node, session: Session, outputs: Outputs, problems: Problems) -> None:
+        self._node = node
+        self._session = session
+        self._outputs = outputs
+        self._problems = problems
+        self.watchdog = Watchdog(node, session, problems)
+        self._before = session.pipeline.counts
+        self._are_clocks_told = False
+
+    def statuses(self) -> tuple[Status, ...]:
+        """One for each part."""
+        inputs = self._session.inputs
+        return (
+            self._sensor(inputs.camera, Level.ERROR),
+            *(self._sensor(radar, Level.WARN) for radar in inputs.radars),
+            *((self._sensor(inputs.odometry, Level.WARN),) if inputs.odometry else ()),
+            self._calibration(),
+            self._pairing(),
+            self._inference(),
+            self._output(),
+        )
+
+    def _sensor(self, source: Input, silent_level: Level) -> Status:
+        session = self._session
+        rate = session.rates[source.part]
+        values: Values = (
+            ("topic", source.topic),
+            ("type", source.type_name),
+            ("publishers", str(self._node.count_publishers(source.topic))),
+            ("messages", str(rate.count)),
+            ("used", str(session.accepted[source.part])),
+            *_pace(rate),
+            *self._stamps(source),
+            *self._problems.history(source.part),
+        )
+        problem, silent_s = self._problems.tell(source.part), self.watchdog.silence_s(source)
+        if problem:
+            # Silence may well come of the problem, so the problem is told first.
+            since = "" if silent_s is None else f" (and nothing for {silent_s:.0f} s)"
+            return Status(source.part, problem[0], problem[1] + since, values)
+        if silent_s is not None:
+            sentence = (
+                f"expected {source.type_name} on {source.topic}, got nothing for {silent_s:.1f} s; "
+                f"{self.watchdog.why_silent(source)}"
+            )
+            return Status(source.part, silent_level, sentence, values)
+        if not rate.count:
+            return Status(source.part, Level.STALE, f"waiting for the first message on {source.topic}", values)
+        return Status(source.part, Level.OK, f"{rate.hertz(time.monotonic_ns()):.1f} Hz on {source.topic}", values)
+
+    def _stamps(self, source: Input) -> Values:
+        session, values = self._session, []
+        stamps, offset = session.stamps.get(source.part), session.stamp_offsets.get(source.part)
+        missing = stamps.missing_share() if stamps else None
+        if missing is not None:
+            values.append(("missing between stamps [%]", f"{100 * missing:.0f}"))
+        offset_s = offset.seconds() if offset else None
+        if offset_s is not None:
+            ahead_s = offset_s + session.radar_time_offset_s(source)
+            values.append(("stamps ahead of the camera's [ms]", f"{ahead_s * 1e3:.0f}"))
+        return tuple(values)
+
+    def _calibration(self) -> Status:
+        session = self._session
+        parts, info, camera = (
+            ("camera_info", "transforms", "frame"),
+            session.inputs.camera_info,
+            session.pipeline.camera,
+        )
+        values = (
+            *_pace(session.rates[info.part]),
+            ("frames", " ".join(session.pipeline.transforms.frames)),
+            *self._problems.history(*parts),
+        )
+        problem = self._problems.tell(*parts)
+        if problem:
+            return Status("calibration", *problem, values)
+        if camera is None:
+            sentence = f"expected {info.type_name} on {info.topic}, got none yet; {self.watchdog.why_silent(info)}"
+            return Status("calibration", Level.ERROR, sentence, values)
+        sentence = f"{camera.width} x {camera.height} pixels, fx {camera.fx:.1f}, fy {camera.fy:.1f}"
+        return Status("calibration", Level.OK, sentence, values)
+
+    def _pairing(self) -> Status:
+        counts, before = self._session.pipeline.counts, self._before
+        self._before = counts
+        self._judge_stamps(counts, before)
+        parts = ("clocks", "pairing", "stamps", "view", "motion")
+        values = (*self._pairing_values(counts), *self._problems.history(*parts))
+        problem = self._problems.tell(*parts)
+        if problem:
+            return Status("pairing", *problem, values)
+        unmatched = counts.unmatched - before.unmatched
+        if unmatched and self._session.inputs.radars:
+            config = self._session.pipeline.config
+            sentence = (
+                f"{unmatched} images of the last second had no radar sweep within "
+                f"{config.pairing.max_time_offset_s:g} s, {_WITHOUT_RADAR[config.without_radar]}; check that the radar "
+                "runs and that both clocks agree"
+            )
+            return Status("pairing", Level.WARN, sentence, values)
+        return Status("pairing", Level.OK, f"{counts.images - before.images} images in the last second", values)
+
+    def _pairing_values(self, counts: PairingCounts) -> Values:
+        pipeline = self._session.pipeline
+        values = [
+            ("images", str(counts.images)),
+            ("paired", str(counts.paired)),
+            ("unmatched", str(counts.unmatched)),
+            ("waiting", str(counts.waiting)),
+            ("out of order", str(counts.overtaken)),
+            ("duplicates", str(counts.duplicates)),
+            ("backward jumps", str(counts.resets)),
+        ]
+        for radar in counts.radars:
+            values += [
+                (f"{radar.name}: paired", str(radar.paired)),
+                (f"{radar.name}: late sweeps", str(radar.late)),
+                (f"{radar.name}: duplicates", str(radar.duplicates)),
+            ]
+            offsets_s = pipeline.offsets_s[radar.name]
+            if offsets_s:
+                found = np.percentile(np.abs(offsets_s), (50, 99))
+                values += [
+                    (f"{radar.name}: dt {name} [ms]", f"{value * 1e3:.1f}")
+                    for name, value in zip(("p50", "p99"), found, strict=True)
+                ]
+        if pipeline.config.moves_radar:
+            values.append(("frames without motion", str(pipeline.unmoved_frames)))
+        return tuple(values)
+
+    def _judge_stamps(self, counts: PairingCounts, before: PairingCounts) -> None:
+        problems = self._problems
+        if counts.resets > before.resets:
+            problems.report(
+                "pairing",
+                Level.WARN,
+                "expected stamps that go forward, got ones that jumped back, as in a looped bag or after a reset of "
+                "the clock; images and sweeps from before are not paired with those from after",
+            )
+            problems.settle("pairing")
+        duplicates = counts.duplicates - before.duplicates
+        if duplicates > 0:
+            problems.report(
+                "stamps",
+                Level.WARN,
+                f"expected a stamp of its own on each image, got {duplicates} images in the last second that had one "
+                "that was there already and were dropped; look for a second publisher, or a driver that sets no stamps",
+            )
+        elif counts.images > before.images:
+            problems.settle("stamps")
+        self._judge_clocks()
+
+    def _judge_clocks(self) -> None:
+        session = self._session
+        for radar in session.inputs.radars:
+            set_s = session.radar_time_offset_s(radar)
+            apart_s = session.stamp_offsets[radar.part].apart_s(CLOCK_WARNING_S, set_s)
+            if apart_s is not None:
+                # Arrivals tell no more than hundredths.
+                sentence = clock_warning(radar.topic, round(apart_s, 2), "by when they arrive", set_s)
+                self._problems.report("clocks", Level.WARN, sentence, quietly=self._are_clocks_told)
+                self._are_clocks_told = True
+                return
+        self._problems.settle("clocks")
+
+    def _inference(self) -> Status:
+        session = self._session
+        values: Values = (
+            *session.latencies.values(),
+            ("frames in", str(session.frames_in)),
+            ("frames out", str(session.frames_out.count)),
+            *_pace(session.frames_out),
+            *self._problems.history("inference"),
+        )
+        problem = self._problems.tell("inference")
+        if problem:
+            return Status("inference", *problem, values)
+        latency = session.latencies.percentiles_ms("latency")
+        if not latency:
+            return Status("inference", Level.STALE, "no frame was processed yet", values)
+        rate = session.frames_out.hertz(time.monotonic_ns())
+        return Status("inference", Level.OK, f"{rate:.1f} Hz, {latency[0]:.0f} ms from image to depth", values)
+
+    def _output(self) -> Status:
+        session = self._session
+        camera, counts = session.inputs.camera.part, session.pipeline.counts
+        values = (
+            *_pace(session.frames_out),
+            ("images", str(session.rates[camera].count)),
+            ("frames out", str(session.frames_out.count)),
+            ("dropped: unreadable", str(session.rates[camera].count - session.accepted[camera])),
+            ("dropped: duplicate", str(counts.duplicates)),
+            ("dropped: no calibration or transform", str(session.images_unusable)),
+            ("dropped: overload", str(session.frames_dropped)),
+            ("dropped: failed", str(session.frames_failed)),
+            ("dropped: without radar", str(session.frames_suppressed)),
+            *self._outputs.subscribers(),
+            *self._problems.history("output"),
+        )
+        problem = self._problems.tell("output")
+        if problem:
+            return Status("output", *problem, values)
+        trouble = self.watchdog.trouble()
+        if trouble:
+            return Status("output", Level.ERROR, trouble, values)
+        if not session.frames_out.count:
+            return Status("output", Level.STALE, "no depth yet", values)
+        return Status("output", Level.OK, "publishing", values)
+
+
+def _pace(rate: Rate) -> Values:
+    now_ns = time.monotonic_ns()
+    age_s = rate.age_s(now_ns)
+    return (
+        ("rate [Hz]", f"{rate.hertz(now_ns):.1f}"),
+        ("age [s]", "never" if age_s is None else f"{age_s:.2f}"),
+    )

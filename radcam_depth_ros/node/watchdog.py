@@ -1,0 +1,93 @@
+"""Why no depth comes out: which inputs are missing, who publishes them, and what to do about it."""
+
+from __future__ import annotations
+
+import time
+
+from rclpy.node import Node
+
+from radcam_depth_ros.node.graph import Graph
+from radcam_depth_ros.node.health import SECOND_NS, Problems, Rate
+from radcam_depth_ros.node.inputs import Input
+from radcam_depth_ros.node.session import Session
+
+SILENCE_S = 2.0
+"""A sensor that was silent for longer is reported."""
+NO_OUTPUT_S = 5.0
+"""After this time without depth one line in the log says what is missing."""
+_ELSEWHERE = ("transforms", "frame", "clocks", "stamps", "inference", "view")
+"""Parts whose problems keep depth from coming though all sensors are heard."""
+
+
+class Watchdog:
+    """Watches whether depth comes out of a session.
+
+    Args:
+        node: The node.
+        session: The session.
+        problems: What was reported.
+    """
+
+    def __init__(self, node: Node, session: Session, problems: Problems) -> None:
+        self._session = session
+        self._problems = problems
+        self._graph = Graph(node, [source.topic for source in session.inputs])
+        self._was_silent = False
+
+    def silence_s(self, source: Input) -> float | None:
+        """Seconds since a message came, or since the session began, where that is too long; None where it is not."""
+        silent_s = self._since_s(self._session.rates[source.part])
+        return silent_s if silent_s > SILENCE_S else None
+
+    def why_silent(self, source: Input) -> str:
+        """Why nothing comes of an input, as far as the graph tells, and what to do."""
+        inputs = self._session.inputs
+        beside = inputs.camera.topic if source is inputs.camera_info and self._heard(inputs.camera) else ""
+        return self._graph.remedy(source, self._session.qos(source), beside)
+
+    def trouble(self) -> str:
+        """Says that no depth came out for long, and why; empty while depth comes, or may still come."""
+        session, silent_s = self._session, self._since_s(self._session.frames_out)
+        if silent_s <= NO_OUTPUT_S:
+            return ""
+        sensors = (session.inputs.camera, session.inputs.camera_info, *session.inputs.radars)
+        lacking = [source for source in sensors if self._lacks(source)]
+        reasons = [self._reason(source) for source in lacking]
+        for part in _ELSEWHERE:
+            problem = self._problems.peek(part)
+            # Without camera_info there is no frame, which is said better above.
+            if problem and not (part == "frame" and session.inputs.camera_info in lacking):
+                reasons.append(f"{part}: {problem}")
+        busy_since_ns = session.busy_since_ns
+        if busy_since_ns is not None and not reasons:
+            reasons.append(f"the network, busy for {(time.monotonic_ns() - busy_since_ns) / SECOND_NS:.1f} s")
+        if len(reasons) > 1:
+            reasons = [f"({number}) {reason}" for number, reason in enumerate(reasons, 1)]
+        return f"no depth for {silent_s:.0f} s; missing: {' '.join(reasons) or 'nothing that is known'}"
+
+    def news(self) -> str:
+        """What `trouble` says, the first time that it says something; empty otherwise, until depth came again."""
+        was_silent, trouble = self._was_silent, self.trouble()
+        self._was_silent = bool(trouble)
+        return "" if was_silent else trouble
+
+    def _since_s(self, rate: Rate) -> float:
+        now_ns = time.monotonic_ns()
+        age_s = rate.age_s(now_ns)
+        return (now_ns - self._session.started_ns) / SECOND_NS if age_s is None else age_s
+
+    def _heard(self, source: Input) -> bool:
+        return self._session.rates[source.part].count > 0
+
+    def _lacks(self, source: Input) -> bool:
+        is_needed_once = source is self._session.inputs.camera_info
+        if self._problems.peek(source.part) or not self._heard(source):
+            return True
+        return self.silence_s(source) is not None and not is_needed_once
+
+    def _reason(self, source: Input) -> str:
+        publishers = self._graph.publishers(source, self._session.qos(source))
+        what = f"{source.type_name} on {source.topic} ({publishers})"
+        if source is self._session.inputs.camera_info and self._heard(self._session.inputs.camera):
+            what = f"images come, but no {what}"
+        return f"{what}: {self._problems.peek(source.part) or self.why_silent(source)}"
