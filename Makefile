@@ -24,8 +24,14 @@ demo: .venv/installed ## a drive through the live node, with a report [BAG=path]
 	@.venv/bin/python -m demo --out "$(OUT)" $(if $(BAG),--bag "$(BAG)") $(if $(RATE),--rate "$(RATE)") \
 	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)") $(if $(MODEL),--model "$(MODEL)")
 
-test: .venv/installed ## all tests
-	@ROS_PYTHON_CHECK_FIELDS=1 .venv/bin/python -m pytest $(PYTEST_ARGS)
+test: export ROS_PYTHON_CHECK_FIELDS := 1
+test: .venv/installed ## all tests, two at a time [PYTEST_ARGS="test/node -k life"]
+ifdef PYTEST_ARGS
+	@.venv/bin/python -m pytest $(PYTEST_ARGS)
+else
+	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone"
+	@.venv/bin/python -m pytest -m alone
+endif
 
 lint: .venv/installed ## ruff and mypy, as CI runs them
 	@.venv/bin/python -m ruff check .

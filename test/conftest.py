@@ -22,7 +22,7 @@ from radcam_depth_ros.networks import archive
 # The environment of the nodes in the tests: nothing leaves this machine, and parallel workers do not hear each other.
 _WORKER = int("".join(filter(str.isdigit, os.environ.get("PYTEST_XDIST_WORKER", "0"))) or "0")
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ.setdefault("ROS_DOMAIN_ID", str(60 + _WORKER))
+os.environ["ROS_DOMAIN_ID"] = str(60 + _WORKER)
 
 with warnings.catch_warnings(), suppress(ImportError):
     # ROS's generator loads a parser that imports a deprecated module, once, with the first message.

@@ -22,9 +22,9 @@ def test_make_targets_exist(target: str) -> None:
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
 
 
-@pytest.mark.parametrize("verb", sorted(set(re.findall(r"radcam-depth ([a-z]+)", README))))
+@pytest.mark.parametrize("verb", sorted(set(re.findall(r"radcam-depth ([a-z]+(?:-[a-z]+)*)", README))))
 def test_verbs_exist(verb: str) -> None:
-    assert (ROOT / "radcam_depth_ros/cli" / f"{verb}.py").is_file()
+    assert (ROOT / "radcam_depth_ros/cli" / f"{verb.replace('-', '_')}.py").is_file()
 
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"\]\(([^)#:]+)\)", README))))

@@ -7,6 +7,7 @@ import sys
 import typer
 
 from radcam_depth_ros.cli.bench import bench
+from radcam_depth_ros.cli.check_calibration import check_calibration
 from radcam_depth_ros.cli.evaluate import evaluate
 from radcam_depth_ros.cli.export import export
 from radcam_depth_ros.cli.inspect import inspect
@@ -28,7 +29,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for verb in (simulate, replay, evaluate, train, export, networks, inspect, play, view, bench):
+for verb in (simulate, replay, evaluate, train, export, networks, inspect, check_calibration, play, view, bench):
     app.command()(verb)
 
 

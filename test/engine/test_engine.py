@@ -1,11 +1,10 @@
 from __future__ import annotations
 
 import copy
-import os
-from pathlib import Path
 
 import pytest
 import torch
+from resident import resident_mib
 from torch import Tensor, nn
 
 from radcam_depth_ros import networks
@@ -177,11 +176,6 @@ def test_batch_norms_are_folded_before_weights_are_rounded() -> None:
     norm = network.first[1]
     gain = (norm.weight / (norm.running_var + norm.eps).sqrt()).reshape(-1, 1, 1, 1)
     torch.testing.assert_close(ready.first[0].weight, (network.first[0].weight * gain).bfloat16(), rtol=0, atol=0)
-
-
-def resident_mib() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def test_loading_a_network_leaves_no_copies_of_it_and_dropping_it_nothing() -> None:

@@ -84,9 +84,10 @@ def make_network(name: str, architecture: dict[str, object], seed: int = 0) -> N
     return network.eval()
 
 
-@pytest.fixture(params=FORMS)
-def form(request: pytest.FixtureRequest) -> tuple[str, dict[str, object]]:
-    return FORMS[request.param]
+@pytest.fixture(scope="module", params=FORMS)
+def network(request: pytest.FixtureRequest) -> Network:
+    """One network of each form, which no test changes: to make them anew took most of the time."""
+    return make_network(*FORMS[request.param])
 
 
 @pytest.fixture(params=BAFF_FORMS)
@@ -108,10 +109,7 @@ def test_every_network_is_tried_here() -> None:
 
 
 @pytest.mark.parametrize(("size", "count"), list(itertools.product(SIZES, COUNTS)))
-def test_shapes_ranges_and_missing_values(
-    form: tuple[str, dict[str, object]], size: tuple[int, int], count: int
-) -> None:
-    network = make_network(*form)
+def test_shapes_ranges_and_missing_values(network: Network, size: tuple[int, int], count: int) -> None:
     with torch.inference_mode():
         depths = network(*make_inputs(2, *size, count))
     for value in depths[:3]:
@@ -146,8 +144,7 @@ def test_semi_dense_depths_are_those_of_returns_within_their_regions(baff_form: 
         assert (columns - owners[0, 0]).abs().max() <= 0.5 * network.config.region_width_px + 16
 
 
-def test_padding_and_order_of_the_returns_do_not_matter(form: tuple[str, dict[str, object]]) -> None:
-    network = make_network(*form)
+def test_padding_and_order_of_the_returns_do_not_matter(network: Network) -> None:
     image, radar, valid, ground = make_inputs(1, 64, 96, 9)
     order = torch.randperm(9, generator=torch.Generator().manual_seed(1))
     padded = torch.cat([radar[:, order], torch.full((1, 5, 6), 7.0)], dim=1)
@@ -159,8 +156,7 @@ def test_padding_and_order_of_the_returns_do_not_matter(form: tuple[str, dict[st
         torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
 
 
-def test_samples_of_a_batch_are_independent(form: tuple[str, dict[str, object]]) -> None:
-    network = make_network(*form)
+def test_samples_of_a_batch_are_independent(network: Network) -> None:
     inputs = make_inputs(3, 64, 96, 5)
     with torch.inference_mode():
         together = network(*inputs)
@@ -197,16 +193,14 @@ def test_association_and_candidates_have_depths(baff_form: tuple[str, dict[str, 
 
 
 @pytest.mark.parametrize("count", [0, 7])
-def test_training_and_inference_agree(form: tuple[str, dict[str, object]], count: int) -> None:
-    network = make_network(*form)
+def test_training_and_inference_agree(network: Network, count: int) -> None:
     inputs = make_inputs(2, 64, 96, count)
     with torch.inference_mode():
         for a, b in zip(network(*inputs), network.train_outputs(*inputs).depths, strict=True):
             torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
 
 
-def test_script_equals_eager(form: tuple[str, dict[str, object]]) -> None:
-    network = make_network(*form)
+def test_script_equals_eager(network: Network) -> None:
     frozen = archive.freeze(network)
     for count in (0, 3, 17):
         inputs = make_inputs(1, 64, 96, count)
@@ -219,8 +213,7 @@ def test_script_equals_eager(form: tuple[str, dict[str, object]]) -> None:
 
 
 @pytest.mark.timeout(400)  # the exporter takes its time, on a busy machine more
-def test_export_with_dynamic_height_width_and_number_of_returns(form: tuple[str, dict[str, object]]) -> None:
-    network = make_network(*form)
+def test_export_with_dynamic_height_width_and_number_of_returns(network: Network) -> None:
     height, width = (32 * torch.export.Dim(name, min=2, max=60) for name in ("height", "width"))
     count = torch.export.Dim("count", min=0, max=4096)
     with warnings.catch_warnings():
