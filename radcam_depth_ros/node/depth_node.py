@@ -162,6 +162,7 @@ class RadcamDepthNode(LifecycleNode):
             part = "model"
             if estimator is None or not estimator.can_adjust(config.estimator):
                 estimator = self._load(config.estimator, before.estimator if before else None)
+            estimator.adjust(config.estimator)
             part = "output"
             self._outputs.offer_classes(estimator.tells_classes)
         except Exception as error:  # the boundary: whatever it is, the node stays up and says so
@@ -170,7 +171,6 @@ class RadcamDepthNode(LifecycleNode):
             )
             self._problems.report(part, Level.ERROR, f"{failure}: {_sentence(error)}{kept}")
             return False
-        estimator.adjust(config.estimator)
         # Only now, so that the network before stays usable when the next one is not; nothing else holds it.
         self._config, self._inputs, self._estimator = _with_full_names(config, inputs), inputs, estimator
         give_back_memory()

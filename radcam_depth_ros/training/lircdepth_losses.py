@@ -1,17 +1,21 @@
-"""What `lircdepth` is trained to (LiRCDepth 2025, METHODS C), but for distillation: see `distillation`."""
+"""What `lircdepth` is trained to (LiRCDepth 2025, METHODS C), but for distillation: see `distillation`.
+
+`inter_depth` and `log_depth` are not in the paper and are off by default.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from radcam_depth_ros.networks import LircdepthOutputs
 from radcam_depth_ros.training.batches import Batch
-from radcam_depth_ros.training.losses import LossConfig, confidence_loss, without_narrow_sky
+from radcam_depth_ros.training.losses import LossConfig, confidence_loss, log_depth_loss, without_narrow_sky
 from radcam_depth_ros.training.masked import ALONE
 from radcam_depth_ros.training.ranks import Ranks
-from radcam_depth_ros.training.rectified import RectifiedLossConfig, dense_terms
+from radcam_depth_ros.training.rectified import RectifiedLossConfig, dense_terms, depth_loss
 from radcam_depth_ros.training.samples import TrainingError
 
 
@@ -20,10 +24,16 @@ class LircdepthLossConfig(RectifiedLossConfig):
     """Weights and thresholds of the losses, besides those of the dense depth.
 
     Attributes:
+        inter_depth: Weight of an L1 on the depths within the decoder, halved from scale to scale in the order of
+            decoding: what a teacher tells of them, told by the truth.
+        log_depth: Weight of an L1 on the logarithm of the dense depth, which counts a tenth of the distance alike near
+            and far.
         confidence: Weight of the confidence's binary cross entropy; only its own head learns from it.
         confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
     """
 
+    inter_depth: float = 0.0
+    log_depth: float = 0.0
     confidence: float = 0.1
     confidence_tolerance: float = 0.1
 
@@ -50,8 +60,15 @@ def total_loss(
     """
     dense_m = outputs.depths.dense.float()
     total, parts = dense_terms(dense_m, batch, max_depth_m, config, ranks)
+    truth_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
+    if config.inter_depth > 0:
+        terms = [depth_loss(given_m, truth_m, max_depth_m, ranks) for given_m in outputs.features.inter_depth_m]
+        parts["inter_depth"] = torch.stack([term / 2 ** (index + 1) for index, term in enumerate(terms)]).sum()
+        total = total + config.inter_depth * parts["inter_depth"]
+    if config.log_depth > 0:
+        parts["log_depth"] = log_depth_loss(dense_m, truth_m, max_depth_m, ranks)
+        total = total + config.log_depth * parts["log_depth"]
     if config.confidence > 0:
-        truth_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
         judged = LossConfig(confidence_tolerance=config.confidence_tolerance)
         logit = outputs.confidence_logit.float()
         parts["confidence"] = confidence_loss(logit, dense_m, truth_m, max_depth_m, judged, ranks)

@@ -32,6 +32,12 @@ class Sleeper:
             print("busy", flush=True)
             time.sleep(60)
 
+    def can_adjust(self, config):
+        return True
+
+    def adjust(self, config):
+        pass
+
     def warm_up(self, camera):
         pass
 

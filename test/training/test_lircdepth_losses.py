@@ -40,6 +40,21 @@ def make_outputs(dense: Tensor, logit: Tensor) -> LircdepthOutputs:
     return LircdepthOutputs(Depths(dense, dense, torch.sigmoid(logit)), logit, DistillationFeatures([], [], [], []))
 
 
+def test_inter_depths_and_logarithms_are_off_by_default_and_learn_from_the_truth() -> None:
+    dense = two_rows(20.0, 10.0).requires_grad_()
+    inter_m = [two_rows(14.0, 10.0).requires_grad_(), two_rows(10.0, 18.0).requires_grad_()]
+    outputs = make_outputs(dense, two_rows(0.0, 0.0))._replace(features=DistillationFeatures([], [], [], inter_m))
+    batch = make_batch(two_rows(10.0, INF))
+    assert total_loss(outputs, batch, 100.0, OFF)[1] == {}
+    total, parts = total_loss(outputs, batch, 100.0, replace(OFF, inter_depth=0.5, log_depth=3.0))
+    assert float(parts["inter_depth"]) == pytest.approx(4.0 / 2 + 0.0 / 4)
+    assert float(parts["log_depth"]) == pytest.approx(math.log(2.0))
+    assert float(total.detach()) == pytest.approx(0.5 * 2.0 + 3.0 * math.log(2.0))
+    total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
+    assert inter_m[0].grad is not None
+    assert float(inter_m[0].grad.abs().sum()) > 0
+
+
 def test_terms_by_hand_and_their_weights() -> None:
     dense = two_rows(12.0, 10.5, 90.0).requires_grad_()
     logit = two_rows(1.0, 2.0, 3.0).requires_grad_()
