@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 
 import typer
 
@@ -33,10 +35,18 @@ for verb in (simulate, replay, evaluate, train, export, networks, inspect, check
     app.command(verb.__name__.replace("_", "-"))(verb)
 
 
+def _spelled_out(arguments: Sequence[str]) -> Iterator[str]:
+    """The arguments, with the stdout that `--json` means where no file follows it."""
+    for argument, following in zip_longest(arguments, arguments[1:], fillvalue="--"):
+        yield argument
+        if argument == "--json" and following != "-" and following.startswith("-"):
+            yield "-"
+
+
 def main() -> None:
     """Runs the command; a mistake of the user's ends with one sentence and exit code 2."""
     try:
-        app()
+        app(list(_spelled_out(sys.argv[1:])))
     except Exception as error:
         from radcam_depth_ros.frame import RadcamDepthError  # here, since it brings numpy, which --help can do without
 

@@ -28,7 +28,9 @@ PrecisionOption = Annotated[
 ]
 ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
 RadarOption = Annotated[list[str] | None, typer.Option(help="Topic of a radar; repeat it for several.")]
-JsonOption = Annotated[str | None, typer.Option("--json", help="Write the figures as JSON to a file, - for stdout.")]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", help="Write the figures as JSON to a file; - or nothing for stdout.")
+]
 
 
 class _RateColumn(ProgressColumn):

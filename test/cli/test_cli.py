@@ -168,6 +168,19 @@ def test_networks() -> None:
     assert "baff" in run("networks").output
 
 
+def test_json_without_a_file_goes_to_standard_output(
+    tmp_path: Path,
+    write_drive: Callable[..., Path],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run_main(monkeypatch, "networks", "--json") == 0
+    assert len(json.loads(capsys.readouterr().out)) == len(networks.names())
+    bag = write_drive(tmp_path / "drive", frames=2)
+    assert run_main(monkeypatch, "inspect", str(bag), "--json", "--params", str(tmp_path / "p.yaml")) == 0
+    assert json.loads(capsys.readouterr().out)["topics"]
+
+
 @pytest.mark.parametrize("verb", ["replay", "inspect", "evaluate", "play", "view"])
 @pytest.mark.parametrize("kind", ["missing", "truncated", "empty"])
 def test_a_bag_that_cannot_be_read_is_exit_code_2_and_one_sentence(
