@@ -26,15 +26,24 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks import fuzz_messages
-from benchmarks.fuzz_messages import CAMERA, CAMERA_FROM_RADAR, CAMERA_INFO, IMAGE, ODOMETRY, RADAR, RETURNS, STATIC
+from benchmarks.fuzz_messages import (
+    CAMERA,
+    CAMERA_FROM_RADAR,
+    CAMERA_INFO,
+    DYNAMIC,
+    IMAGE,
+    ODOMETRY,
+    RADAR,
+    RETURNS,
+    STATIC,
+)
 from benchmarks.streaming import memory_mib
 from radcam_depth_ros.bags import factory
 from radcam_depth_ros.cli.options import progress_bar, write_json
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
-from radcam_depth_ros.frame import FloatArray, Frame, RadcamDepthError
+from radcam_depth_ros.frame import LONGEST_SENTENCE, FloatArray, Frame, RadcamDepthError
 from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
 
-LONGEST_SENTENCE = 4000
 _START_NS = 1_000_000_000_000
 _PERIOD_NS = 5_000_000
 _PAUSE_NS = 3_000_000_000
@@ -145,7 +154,9 @@ class Fuzz:
             self._now_ns += _PERIOD_NS
             started = time.perf_counter()
             try:
-                frames = self._guarded(number, sent.kind, lambda: pipeline.accept(sent.topic, sent.message, self._now_ns))
+                frames = self._guarded(
+                    number, sent.kind, lambda: pipeline.accept(sent.topic, sent.message, self._now_ns)
+                )
             except RadcamDepthError:
                 self._counts[sent.kind, False] += 1
                 frames = ()
@@ -155,7 +166,9 @@ class Fuzz:
             self.figures.slowest_ms = max(self.figures.slowest_ms, (took_ms, f"{sent.kind}, number {number}"))
             self._prepare(number, sent.kind, frames or ())
         try:
-            self._prepare(number, "waiting images", self._guarded(number, "", lambda: pipeline.expire(self._now_ns)) or ())
+            self._prepare(
+                number, "waiting images", self._guarded(number, "", lambda: pipeline.expire(self._now_ns)) or ()
+            )
         except RadcamDepthError:
             self._counts["waiting images", False] += 1
 
@@ -235,6 +248,8 @@ class Fuzz:
         frames: tuple[Frame, ...] = ()
         for topic, stamp_ns in (
             (STATIC, sweep_ns),
+            (DYNAMIC, sweep_ns),
+            (DYNAMIC, self._now_ns),
             *((ODOMETRY, sweep_ns + offset_ns) for offset_ns in (-60_000_000, 0, 20_000_000)),
             (CAMERA_INFO, self._now_ns),
             (RADAR, sweep_ns),

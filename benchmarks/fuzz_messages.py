@@ -10,6 +10,7 @@ import functools
 import math
 import random
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -104,9 +105,7 @@ def good(topic: str, stamp_ns: int) -> Any:
         columns = dict(zip("xyz", RETURNS.T, strict=True)) | {"rcs": np.full(4, 5, np.float32)}
         made = encode_points(factory, columns, stamp_ns, "radar")
     elif topic == ODOMETRY:
-        still = OdometryReading(
-            stamp_ns, "odom", "base_link", RigidTransform.identity(), np.zeros(3), np.zeros(3)
-        )
+        still = OdometryReading(stamp_ns, "odom", "base_link", RigidTransform.identity(), np.zeros(3), np.zeros(3))
         made = encode_odometry(factory, still)
     else:
         on_vehicle = dataclasses.replace(CAMERA_FROM_RADAR, translation=np.array([0.0, 1.4, 0.0]))
@@ -119,7 +118,9 @@ def good(topic: str, stamp_ns: int) -> Any:
 
 def bad(rng: random.Random, stamp_ns: int) -> list[Sent]:
     """Messages of one kind, most of them wrong in one way or another."""
-    make = rng.choices((_mutated, _cloud, _image, _compressed, _other_camera, _links), (6, 4, 3, 3, 1, 1))[0]
+    make = rng.choices(
+        (_mutated, _cloud, _image, _compressed, _other_camera, _links, _unchanged), (6, 4, 3, 3, 1, 1, 5)
+    )[0]
     return make(rng, stamp_ns)
 
 
@@ -144,6 +145,14 @@ def _leaves(type_name: str, message: Any) -> Iterator[_Leaf]:
             yield _Leaf(message, name, None if is_message else element[0], kind == Nodetype.ARRAY)
             for item in getattr(message, name) if is_message else ():
                 yield from _leaves(element, item)
+
+
+def _unchanged(rng: random.Random, stamp_ns: int) -> list[Sent]:
+    """Good messages: what is wrong before and after them then reaches a frame."""
+    return [
+        Sent(f"good {TYPES[topic].rsplit('/', 1)[-1]}", topic, good(topic, stamp_ns))
+        for topic in rng.choice(((CAMERA_INFO, RADAR, IMAGE), (CAMERA_INFO, STATIC), (CAMERA_INFO, ODOMETRY)))
+    ]
 
 
 def _mutated(rng: random.Random, stamp_ns: int) -> list[Sent]:
@@ -290,11 +299,12 @@ def _compressed(rng: random.Random, stamp_ns: int) -> list[Sent]:
     image_format = rng.choice(("jpeg", "png"))
     content = bytearray(_file(image_format))
     if rng.random() < 0.4:
-        size = struct.pack(">HH", *(rng.choice((0, 1, 64, 96, 33_000, 65_535)) for _ in range(2)))
-        at = content.find(b"\xff\xc0") + 5
         if image_format == "png":
-            size, at = struct.pack(">II", *(_scalar(rng, "uint32") for _ in range(2))), 16
-        content[at : at + len(size)] = size
+            content[16:24] = struct.pack(">II", *(_scalar(rng, "uint32") for _ in range(2)))
+            content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
+        else:
+            at = content.find(b"\xff\xc0") + 5
+            content[at : at + 4] = struct.pack(">HH", *(rng.choice((0, 1, 64, 96, 33_000, 65_535)) for _ in range(2)))
     if rng.random() < 0.5:
         content = bytearray(_cut(rng, bytes(content)) + rng.choice((b"", b"\xff\xd9", b"IEND")))
     data = np.frombuffer(bytes(content), np.uint8)
@@ -322,7 +332,7 @@ def _other_camera(rng: random.Random, stamp_ns: int) -> list[Sent]:
 def _links(rng: random.Random, stamp_ns: int) -> list[Sent]:
     """Links between frames of many names, in chains."""
     message = good(STATIC, stamp_ns)
-    start = rng.randrange(100_000)
+    start = rng.randrange(500)
     links = message.transforms * rng.choice((1, 20))
     message.transforms = []
     for number, link in enumerate(links):

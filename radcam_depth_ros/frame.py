@@ -15,8 +15,22 @@ FloatArray = npt.NDArray[np.float32]
 ImageArray = npt.NDArray[np.uint8]
 
 
+LONGEST_SENTENCE = 2000
+"""Characters of an error at most."""
+_END_KEPT = 500
+
+
 class RadcamDepthError(Exception):
-    """Base of the errors that a user can mend: one sentence on what was expected, what came, and what to do."""
+    """Base of the errors that a user can mend: one sentence on what was expected, what came, and what to do.
+
+    What came may be of any length: the middle of a sentence beyond `LONGEST_SENTENCE` is left out.
+    """
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if len(text) <= LONGEST_SENTENCE:
+            return text
+        return f"{text[: LONGEST_SENTENCE - _END_KEPT - 5]} ... {text[-_END_KEPT:]}"
 
 
 class FrameError(RadcamDepthError):
