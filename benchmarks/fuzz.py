@@ -19,6 +19,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -155,7 +156,7 @@ class Fuzz:
             started = time.perf_counter()
             try:
                 frames = self._guarded(
-                    number, sent.kind, lambda: pipeline.accept(sent.topic, sent.message, self._now_ns)
+                    number, sent.kind, partial(pipeline.accept, sent.topic, sent.message, self._now_ns)
                 )
             except RadcamDepthError:
                 self._counts[sent.kind, False] += 1
@@ -178,7 +179,7 @@ class Fuzz:
             if not np.isfinite(frame.radar.age_s).all() or np.isinf(frame.radar.rcs_dbsm).any():
                 self._note(number, kind, "a frame with ages or cross sections that are not finite")
             try:
-                inputs = self._guarded(number, f"{kind}, prepared", lambda frame=frame: self._estimator.prepare(frame))
+                inputs = self._guarded(number, f"{kind}, prepared", partial(self._estimator.prepare, frame))
             except RadcamDepthError:
                 self.figures.frames_refused += 1
                 continue

@@ -97,23 +97,33 @@ class _Leaf:
 
 def good(topic: str, stamp_ns: int) -> Any:
     """A message of a topic that can be used, with attributes that can be set."""
+    message = _thawed(_good_once(topic))
+    stamp = _stamp(stamp_ns)
+    for stamped in message.transforms if topic in (STATIC, DYNAMIC) else (message,):
+        stamped.header.stamp = stamp
+    return message
+
+
+@functools.cache
+def _good_once(topic: str) -> Any:
     if topic == IMAGE:
-        made = encode_image(factory, PICTURE, stamp_ns, "camera")
-    elif topic == CAMERA_INFO:
-        made = encode_camera_info(factory, CAMERA, stamp_ns, "camera")
-    elif topic == RADAR:
+        return encode_image(factory, PICTURE, 0, "camera")
+    if topic == CAMERA_INFO:
+        return encode_camera_info(factory, CAMERA, 0, "camera")
+    if topic == RADAR:
         columns = dict(zip("xyz", RETURNS.T, strict=True)) | {"rcs": np.full(4, 5, np.float32)}
-        made = encode_points(factory, columns, stamp_ns, "radar")
-    elif topic == ODOMETRY:
-        still = OdometryReading(stamp_ns, "odom", "base_link", RigidTransform.identity(), np.zeros(3), np.zeros(3))
-        made = encode_odometry(factory, still)
-    else:
-        on_vehicle = dataclasses.replace(CAMERA_FROM_RADAR, translation=np.array([0.0, 1.4, 0.0]))
-        links = {"radar": CAMERA_FROM_RADAR, "base_link": on_vehicle, "base_footprint": on_vehicle}
-        made = encode_transforms(
-            factory, [StampedTransform("camera", child, stamp_ns, pose) for child, pose in links.items()]
-        )
-    return _thawed(made)
+        return encode_points(factory, columns, 0, "radar")
+    if topic == ODOMETRY:
+        pose = RigidTransform.identity()
+        return encode_odometry(factory, OdometryReading(0, "odom", "base_link", pose, np.zeros(3), np.zeros(3)))
+    on_vehicle = dataclasses.replace(CAMERA_FROM_RADAR, translation=np.array([0.0, 1.4, 0.0]))
+    links = {"radar": CAMERA_FROM_RADAR, "base_link": on_vehicle, "base_footprint": on_vehicle}
+    return encode_transforms(factory, [StampedTransform("camera", child, 0, pose) for child, pose in links.items()])
+
+
+def _stamp(stamp_ns: int) -> Any:
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    return SimpleNamespace(sec=seconds, nanosec=nanoseconds)
 
 
 def bad(rng: random.Random, stamp_ns: int) -> list[Sent]:
@@ -128,7 +138,9 @@ def _thawed(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = dataclasses.fields(value)
         return SimpleNamespace(**{item.name: _thawed(getattr(value, item.name)) for item in fields})
-    return [_thawed(item) for item in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return [_thawed(item) for item in value]
+    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 def _leaves(type_name: str, message: Any) -> Iterator[_Leaf]:
@@ -216,11 +228,10 @@ def _cut(rng: random.Random, content: bytes) -> bytes:
 
 
 def _header(rng: random.Random, stamp_ns: int, frame_id: str) -> Any:
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    stamp = _stamp(stamp_ns)
     if rng.random() < 0.05:
-        seconds, nanoseconds = _scalar(rng, "int32"), _scalar(rng, "uint32")
-    name = rng.choice(_NAMES) if rng.random() < 0.05 else frame_id
-    return SimpleNamespace(stamp=SimpleNamespace(sec=seconds, nanosec=nanoseconds), frame_id=name)
+        stamp.sec, stamp.nanosec = _scalar(rng, "int32"), _scalar(rng, "uint32")
+    return SimpleNamespace(stamp=stamp, frame_id=rng.choice(_NAMES) if rng.random() < 0.05 else frame_id)
 
 
 def _cloud(rng: random.Random, stamp_ns: int) -> list[Sent]:

@@ -136,7 +136,8 @@ def _values(info: Any, name: str, count: int) -> DoubleArray:
     values = np.asarray(getattr(info, name), np.float64).reshape(-1)
     if values.size != count or not (np.abs(values) < _LARGEST).all():  # NaN is not
         raise MessageError(
-            f"expected {count} finite numbers below {_LARGEST:g} in camera_info's {name}, got {values.tolist()}; calibrate the camera"
+            f"expected {count} finite numbers below {_LARGEST:g} in camera_info's {name}, got {values.tolist()}; "
+            "calibrate the camera"
         )
     return values
 
