@@ -18,7 +18,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -49,11 +49,15 @@ _START_NS = 1_000_000_000_000
 _PERIOD_NS = 5_000_000
 _PAUSE_NS = 3_000_000_000
 _DEFECTS_KEPT = 50
-_COMMON = {"image": IMAGE, "camera_info": CAMERA_INFO, "radars": (RADAR,), "radar_motion_compensation": True}
-CONFIGS = (
-    PipelineConfig(**_COMMON, odometry=ODOMETRY, without_radar="hold"),
-    PipelineConfig(**_COMMON, odom_frame="odom"),
+_BY_ODOMETRY = PipelineConfig(
+    image=IMAGE,
+    camera_info=CAMERA_INFO,
+    radars=(RADAR,),
+    radar_motion_compensation=True,
+    odometry=ODOMETRY,
+    without_radar="hold",
 )
+CONFIGS = (_BY_ODOMETRY, replace(_BY_ODOMETRY, odometry="", without_radar="camera_only"))
 """Motion from odometry, and from /tf."""
 
 

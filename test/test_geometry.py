@@ -8,6 +8,7 @@ from hypothesis.extra import numpy as npst
 
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FrameError, GroundPlane
 from radcam_depth_ros.geometry import (
+    MAX_LINKS,
     CanonicalCamera,
     GeometryError,
     RigidTransform,

@@ -1,4 +1,4 @@
-"""What may be in an exported file: looked at before torch reads it, for TorchScript can write files and runs on loading.
+"""What may be in an exported file: looked at before torch reads it, for TorchScript can write files, on loading too.
 
 torch reads the pickles of a TorchScript file with an unpickler of its own, which makes tensors, plain values and
 TorchScript's classes, and calls no Python. What is left is the code beside them: all but two of torch's own operators
