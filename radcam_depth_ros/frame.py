@@ -153,6 +153,7 @@ class RadarReturns:
         )
 
 
+_LOWEST_HEIGHT_M = 0.001
 ASSUMED_HEIGHT_M = 1.4
 """Height of a camera of which nothing is known: behind a passenger car's windscreen."""
 
@@ -172,8 +173,11 @@ class GroundPlane:
     is_assumed: bool = False
 
     def __post_init__(self) -> None:
-        if np.isfinite(self.height_m) and self.height_m <= 0:
-            raise FrameError(f"the camera's height above the road must be positive, got {self.height_m} m")
+        if np.isfinite(self.height_m) and self.height_m < _LOWEST_HEIGHT_M:
+            raise FrameError(
+                f"the camera's height above the road must be positive, {_LOWEST_HEIGHT_M} m or more, got "
+                f"{self.height_m} m; mend the transform to the footprint frame, or set the parameter camera_height_m"
+            )
         if not abs(float(np.linalg.norm(self.up)) - 1.0) < 1e-3:
             raise FrameError(f"the road's normal must be a unit vector, got {self.up}")
 

@@ -215,3 +215,9 @@ def test_a_tree_takes_so_many_frames_and_those_that_are_known_still_move() -> No
     tree.set("frame0", "frame1", RigidTransform.identity())
     assert tree.can_transform("frame1", "frame2")
     assert not tree.can_transform("frame1", "one more")
+
+
+def test_a_camera_on_the_road_is_refused() -> None:
+    for height_m in (-1.0, 0.0, 1e-40):
+        with pytest.raises(FrameError, match=r"must be positive, 0\.001 m or more"):
+            GroundPlane(height_m)
