@@ -15,8 +15,22 @@ FloatArray = npt.NDArray[np.float32]
 ImageArray = npt.NDArray[np.uint8]
 
 
+LONGEST_SENTENCE = 2000
+"""Characters of an error at most."""
+_END_KEPT = 500
+
+
 class RadcamDepthError(Exception):
-    """Base of the errors that a user can mend: one sentence on what was expected, what came, and what to do."""
+    """Base of the errors that a user can mend: one sentence on what was expected, what came, and what to do.
+
+    What came may be of any length: the middle of a sentence beyond `LONGEST_SENTENCE` is left out.
+    """
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if len(text) <= LONGEST_SENTENCE:
+            return text
+        return f"{text[: LONGEST_SENTENCE - _END_KEPT - 5]} ... {text[-_END_KEPT:]}"
 
 
 class FrameError(RadcamDepthError):
@@ -139,6 +153,7 @@ class RadarReturns:
         )
 
 
+_LOWEST_HEIGHT_M = 0.001
 ASSUMED_HEIGHT_M = 1.4
 """Height of a camera of which nothing is known: behind a passenger car's windscreen."""
 
@@ -158,8 +173,11 @@ class GroundPlane:
     is_assumed: bool = False
 
     def __post_init__(self) -> None:
-        if np.isfinite(self.height_m) and self.height_m <= 0:
-            raise FrameError(f"the camera's height above the road must be positive, got {self.height_m} m")
+        if np.isfinite(self.height_m) and self.height_m < _LOWEST_HEIGHT_M:
+            raise FrameError(
+                f"the camera's height above the road must be positive, {_LOWEST_HEIGHT_M} m or more, got "
+                f"{self.height_m} m; mend the transform to the footprint frame, or set the parameter camera_height_m"
+            )
         if not abs(float(np.linalg.norm(self.up)) - 1.0) < 1e-3:
             raise FrameError(f"the road's normal must be a unit vector, got {self.up}")
 

@@ -19,6 +19,9 @@ DoubleArray = npt.NDArray[np.float64]
 NETWORK_MULTIPLE = 32
 """Height and width of what a network is given are multiples of this: five halvings."""
 
+MAX_LINKS = 1000
+"""A transform tree takes no more: memory stays bounded whatever comes on /tf."""
+
 
 class GeometryError(RadcamDepthError):
     """A transform that is missing, impossible or not rigid; an image size that no network can be given."""
@@ -139,12 +142,18 @@ class TransformTree:
         """Fixes a frame to its parent.
 
         Raises:
-            GeometryError: for an empty name, a frame that is its own parent, or one that would close a cycle.
+            GeometryError: for an empty name, a frame that is its own parent, one that would close a cycle, or one
+                more than `MAX_LINKS`.
         """
         parent, child = parent_frame.lstrip("/"), child_frame.lstrip("/")
         if not parent or not child:
             raise GeometryError(
                 f"a transform needs two frame names, got parent {parent_frame!r} and child {child_frame!r}"
+            )
+        if child not in self._parent and len(self._parent) >= MAX_LINKS:
+            raise GeometryError(
+                f"there are {MAX_LINKS} frames already, so {child!r} is left out; mend who publishes ever new names on "
+                "/tf, and activate the node again"
             )
         ancestor: str | None = parent
         while ancestor is not None:
@@ -166,10 +175,7 @@ class TransformTree:
         target, source = target_frame.lstrip("/"), source_frame.lstrip("/")
         if (target, source) in self._found:
             return True
-        frames = self.frames
-        return target == source or (
-            target in frames and source in frames and self._chain(target)[0] == self._chain(source)[0]
-        )
+        return self._root(target) == self._root(source)
 
     def lookup(self, target_frame: str, source_frame: str) -> RigidTransform:
         """`target_from_source`, through any chain of parents and children.
@@ -202,6 +208,11 @@ class TransformTree:
         found = self._found[target, source] = root_from_target.inverse() @ root_from_source
         return found
 
+    def _root(self, frame: str) -> str:
+        while frame in self._parent:
+            frame = self._parent[frame][0]
+        return frame
+
     def _chain(self, frame: str) -> tuple[str, RigidTransform]:
         root, root_from_frame = frame, RigidTransform.identity()
         while root in self._parent:
@@ -222,9 +233,10 @@ def project(points_m: npt.NDArray[np.floating], camera: CameraModel) -> tuple[Fl
     """
     depth = points_m[:, 2].astype(np.float32)
     safe = np.where(depth > 0, depth, np.float32("nan"))
-    u = points_m[:, 0] / safe * camera.fx + camera.cx
-    v = points_m[:, 1] / safe * camera.fy + camera.cy
-    return np.stack([u, v], axis=1).astype(np.float32), depth
+    with np.errstate(over="ignore"):  # just before the camera: infinitely far outside of the image
+        u = points_m[:, 0] / safe * camera.fx + camera.cx
+        v = points_m[:, 1] / safe * camera.fy + camera.cy
+        return np.stack([u, v], axis=1).astype(np.float32), depth
 
 
 def unproject(depth_m: FloatArray, camera: CameraModel) -> FloatArray:

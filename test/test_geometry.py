@@ -8,6 +8,7 @@ from hypothesis.extra import numpy as npst
 
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FrameError, GroundPlane
 from radcam_depth_ros.geometry import (
+    MAX_LINKS,
     CanonicalCamera,
     GeometryError,
     RigidTransform,
@@ -203,3 +204,20 @@ def test_nonsense_cameras_are_refused() -> None:
         CameraModel(64, 48, 0, 0, 0, 0)
     with pytest.raises(FrameError, match="positive image size"):
         CameraModel(0, 48, 1, 1, 0, 0)
+
+
+def test_a_tree_takes_so_many_frames_and_those_that_are_known_still_move() -> None:
+    tree = TransformTree()
+    for number in range(MAX_LINKS):
+        tree.set("map", f"frame{number}", RigidTransform.identity())
+    with pytest.raises(GeometryError, match="1000 frames already, so 'one more' is left out"):
+        tree.set("map", "one more", RigidTransform.identity())
+    tree.set("frame0", "frame1", RigidTransform.identity())
+    assert tree.can_transform("frame1", "frame2")
+    assert not tree.can_transform("frame1", "one more")
+
+
+def test_a_camera_on_the_road_is_refused() -> None:
+    for height_m in (-1.0, 0.0, 1e-40):
+        with pytest.raises(FrameError, match=r"must be positive, 0\.001 m or more"):
+            GroundPlane(height_m)

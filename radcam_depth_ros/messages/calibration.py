@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FrameError, ImageArray, Lens
-from radcam_depth_ros.messages.wire import MessageError, require_fields
+from radcam_depth_ros.messages.wire import MessageError, check_image_size, require_fields
 
 DoubleArray = npt.NDArray[np.float64]
 
@@ -18,6 +18,8 @@ DoubleArray = npt.NDArray[np.float64]
 _COEFFICIENTS = {"plumb_bob": (4, 5), "rational_polynomial": (5, 8, 12, 14), "equidistant": (4,)}
 _SYNONYMS = {"fisheye": "equidistant", "kannala_brandt4": "equidistant", "radtan": "plumb_bob"}
 _CLOSE_PX = 1e-3
+_LARGEST = 1e9
+_SHORTEST_FOCAL_LENGTH_PX = 1e-3
 
 
 @dataclass(frozen=True)
@@ -101,17 +103,24 @@ def _key(info: Any) -> tuple[object, ...]:
 def _read(info: Any) -> _Published:
     k, r, p = _values(info, "k", 9), _values(info, "r", 9), _values(info, "p", 12)
     distortion = np.asarray(info.d, np.float64).reshape(-1)
-    if not np.isfinite(distortion).all():
+    if not (np.abs(distortion) < _LARGEST).all():  # NaN is not
         raise MessageError(f"expected finite distortion in camera_info, got d={distortion.tolist()}; calibrate again")
     raw = k.reshape(3, 3)
-    if raw[0, 0] <= 0 or raw[1, 1] <= 0:
+    if min(raw[0, 0], raw[1, 1]) < _SHORTEST_FOCAL_LENGTH_PX:
         raise MessageError(
             f"expected a calibrated camera with positive focal lengths in camera_info, got k={k.tolist()}; "
             "calibrate the camera, or give the driver its calibration file"
         )
     rectified = p.reshape(3, 4)[:, :3] if p[0] > 0 else raw
+    for name, matrix in (("k", raw), ("p", rectified)):
+        if min(matrix[0, 0], matrix[1, 1]) < _SHORTEST_FOCAL_LENGTH_PX or matrix[2].tolist() != [0.0, 0.0, 1.0]:
+            raise MessageError(
+                f"expected positive focal lengths and a last row of 0 0 1 in camera_info's {name}, got "
+                f"{matrix.tolist()}; calibrate the camera"
+            )
     model, distortion = _model(str(info.distortion_model), distortion)
     width, height, adjust = _published_region(info)
+    check_image_size(width, height)
     return _Published(
         width,
         height,
@@ -125,9 +134,10 @@ def _read(info: Any) -> _Published:
 
 def _values(info: Any, name: str, count: int) -> DoubleArray:
     values = np.asarray(getattr(info, name), np.float64).reshape(-1)
-    if values.size != count or not np.isfinite(values).all():
+    if values.size != count or not (np.abs(values) < _LARGEST).all():  # NaN is not
         raise MessageError(
-            f"expected {count} finite numbers in camera_info's {name}, got {values.tolist()}; calibrate the camera"
+            f"expected {count} finite numbers below {_LARGEST:g} in camera_info's {name}, got {values.tolist()}; "
+            "calibrate the camera"
         )
     return values
 

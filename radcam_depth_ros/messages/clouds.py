@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.messages.wire import MessageError, data_bytes, require_fields, stamp_ns
+from radcam_depth_ros.messages.wire import LARGEST_M, MessageError, data_bytes, require_fields, stamp_ns
 
 POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """numpy's type codes of sensor_msgs/PointField's datatypes INT8 to FLOAT64."""
@@ -24,7 +24,7 @@ class PointsReading:
         stamp_ns: Nanoseconds.
         frame_id: The frame of the points.
         xyz_m: (N, 3) float32 metres, finite.
-        dropped: Number of points left out since a coordinate was NaN or infinite.
+        dropped: Number of points left out since a coordinate was NaN, infinite or beyond `LARGEST_M`.
     """
 
     stamp_ns: int
@@ -153,6 +153,6 @@ def decode_points(message: Any) -> PointsReading:
                     f"expected a point cloud with fields x y z, got {cloud.field_names}; check which topic has points"
                 )
             xyz[:, axis] = cloud.floats(field)
-    finite = np.isfinite(xyz).all(axis=1)
+    finite = (np.abs(xyz) < LARGEST_M).all(axis=1)  # NaN is not
     kept = xyz if bool(finite.all()) else xyz[finite]
     return PointsReading(stamp_ns(message.header), str(message.header.frame_id), kept, cloud.count - len(kept))

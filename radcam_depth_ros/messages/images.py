@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray, ImageArray
-from radcam_depth_ros.messages.wire import MessageError, data_bytes, require_fields, stamp_ns
+from radcam_depth_ros.messages.picture_files import file_size
+from radcam_depth_ros.messages.wire import MessageError, check_image_size, data_bytes, require_fields, stamp_ns
 
 _IMAGE_TYPE = "sensor_msgs/Image"
 _BYTE = np.dtype(np.uint8)
@@ -189,6 +190,7 @@ def _rows(message: Any, shape: tuple[int, int, int], dtype: np.dtype[Any], first
         raise MessageError(
             f"expected an image of at least 1 x 1 pixels, got {message.width} x {message.height}; check the driver"
         )
+    check_image_size(columns, rows)
     row_bytes = columns * channels * dtype.itemsize
     if step < row_bytes:
         raise MessageError(
@@ -260,8 +262,10 @@ def _decompress(message: Any) -> ImageArray:
     # OpenCV fills what is missing of a truncated file with grey and only warns: look for the end mark.
     end = b"\xff\xd9" if kind == "jpeg" else b"IEND"
     image = None
-    if content.rfind(end) > 0:
-        # OpenCV raises, instead of returning None, for a damaged header that claims an enormous image.
+    size = file_size(content)
+    if size is not None and content.rfind(end) > 0:
+        check_image_size(*size)
+        # OpenCV raises, instead of returning None, for a header that contradicts itself.
         with contextlib.suppress(cv2.error):
             # Intrinsics belong to the image as it was taken, so an orientation tag must not turn it.
             image = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)

@@ -11,7 +11,7 @@ import numpy as np
 
 from radcam_depth_ros.frame import FloatArray, RadarReturns
 from radcam_depth_ros.messages.clouds import Cloud, CloudField
-from radcam_depth_ros.messages.wire import MessageError, stamp_ns
+from radcam_depth_ros.messages.wire import LARGEST_M, MessageError, stamp_ns
 
 _LARGEST_RCS_DBSM = 200.0
 _SMALLEST_RCS_DBSM = 1e-6
@@ -174,7 +174,7 @@ def decode_radar(message: Any, aliases: FieldAliases = DEFAULT_ALIASES) -> Radar
         return RadarReading(stamp, frame_id, RadarReturns.empty(), 0)
     _require_named(cloud, aliases)
     xyz = _positions(cloud, aliases)
-    finite = np.isfinite(xyz).all(axis=1)
+    finite = (np.abs(xyz) < LARGEST_M).all(axis=1)  # NaN is not
     speeds, is_over_ground = _radial_speeds(cloud, aliases, xyz)
     returns = RadarReturns(
         xyz[finite],

@@ -10,7 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.geometry import GeometryError, RigidTransform
-from radcam_depth_ros.messages.wire import MessageError, MessageFactory, make_header, require_fields, stamp_ns
+from radcam_depth_ros.messages.wire import (
+    LARGEST_M,
+    MessageError,
+    MessageFactory,
+    make_header,
+    require_fields,
+    stamp_ns,
+)
 
 _COVARIANCE_SIZE = 36
 
@@ -132,8 +139,15 @@ def encode_odometry(factory: MessageFactory, odometry: OdometryReading) -> Any:
 
 def _rigid(translation: Any, rotation: Any, what: str) -> RigidTransform:
     quaternion = np.array([rotation.x, rotation.y, rotation.z, rotation.w], np.float64)
+    position_m = _values(translation)
+    for name, values in (("translation in metres", position_m), ("quaternion", quaternion)):
+        if not (np.abs(values) < LARGEST_M).all():  # NaN is not
+            raise MessageError(
+                f"{what} can't be used: expected a {name} of numbers below {LARGEST_M:g}, got {values.tolist()}; fix "
+                "who publishes it"
+            )
     try:
-        return RigidTransform.from_quaternion(_values(translation), quaternion)
+        return RigidTransform.from_quaternion(position_m, quaternion)
     except GeometryError as error:
         raise MessageError(f"{what} can't be used: {error}") from error
 

@@ -12,6 +12,11 @@ import numpy as np
 from radcam_depth_ros.frame import ImageArray, RadcamDepthError
 
 NANOSECONDS = 1_000_000_000
+LARGEST_M = 1e9
+"""No position is so far away; a float32 of metres has room for what is made of those that are nearer."""
+_LARGEST_SIDE_PX = 32_767
+"""OpenCV's remap takes no more."""
+_LARGEST_IMAGE_PX = 50_000_000
 
 
 class MessageError(RadcamDepthError):
@@ -37,8 +42,30 @@ class MessageFactory(Protocol):
 
 
 def stamp_ns(header: Any) -> int:
-    """Nanoseconds of a std_msgs/Header's stamp."""
-    return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
+    """Nanoseconds of a std_msgs/Header's stamp.
+
+    Raises:
+        MessageError: when its part below a second is a second or more.
+    """
+    seconds, nanoseconds = int(header.stamp.sec), int(header.stamp.nanosec)
+    if not 0 <= nanoseconds < NANOSECONDS:
+        raise MessageError(
+            f"expected a stamp with 0 to {NANOSECONDS - 1} nanoseconds, got {nanoseconds}; fix the driver's clock"
+        )
+    return seconds * NANOSECONDS + nanoseconds
+
+
+def check_image_size(width: int, height: int) -> None:
+    """Refuses a size that no camera has, before memory is taken for it.
+
+    Raises:
+        MessageError: when a side or the number of pixels is too large.
+    """
+    if max(width, height) > _LARGEST_SIDE_PX or width * height > _LARGEST_IMAGE_PX:
+        raise MessageError(
+            f"expected an image of at most {_LARGEST_SIDE_PX} pixels a side and {_LARGEST_IMAGE_PX} in all, got "
+            f"{width} x {height}; check the driver, or scale the image down"
+        )
 
 
 def make_header(factory: MessageFactory, stamp_ns: int, frame_id: str) -> Any:

@@ -24,6 +24,7 @@ from radcam_depth_ros import configuration
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import registry
+from radcam_depth_ros.networks.contents import LARGEST_BYTES, LARGEST_CARD_BYTES, find_fault
 from radcam_depth_ros.networks.folding import folded
 from radcam_depth_ros.networks.interface import Network
 
@@ -187,18 +188,22 @@ def _load_weights(path: Path) -> Archive:
     card_path = path.with_suffix(".yaml")
     if not card_path.is_file():
         raise ArchiveError(f"the weights {path} have no card; expected {card_path.name} beside them")
+    for file, most in ((path, LARGEST_BYTES), (card_path, LARGEST_CARD_BYTES)):
+        if file.stat().st_size > most:
+            raise ArchiveError(f"expected at most {most} bytes in {file}, got {file.stat().st_size}; copy it again")
     card = _card(card_path.read_text(encoding="utf-8", errors="replace"), str(card_path))
     if _sha256(path) != card.sha256:
         raise ArchiveError(
             f"{path.name} is not the file that its card describes (sha256 differs): it is corrupt or was replaced; "
             "copy the weights and the card again"
         )
-    network = registry.create(card.network, card.architecture)
     try:
         tensors = load_file(path)
     except (SafetensorError, OSError) as error:
         raise ArchiveError(f"{path} is not a readable safetensors file: {error}") from None
-    _check_tensors(network, tensors, path)
+    with torch.device("meta"):  # without memory: a card may name any number of channels
+        _check_tensors(registry.create(card.network, card.architecture), tensors, path)
+    network = registry.create(card.network, card.architecture)
     network.load_state_dict({name: value.float() for name, value in tensors.items()})
     return Archive(network.eval(), card)
 
@@ -219,6 +224,9 @@ def _check_tensors(network: Network, tensors: Mapping[str, Tensor], path: Path) 
 
 
 def _load_export(path: Path) -> Archive:
+    fault = find_fault(path, CARD_ENTRY)
+    if fault:
+        raise ArchiveError(f"{path} is not read: {fault}; make it with `radcam-depth export`")
     extra = {CARD_ENTRY: ""}
     try:
         with _quiet_jit():
@@ -240,8 +248,10 @@ def _load_export(path: Path) -> Archive:
 
 def _card(text: str, source: str) -> Card:
     try:
-        mapping = yaml.safe_load(text)
-    except yaml.YAMLError:
+        # Aliases would let a few lines stand for a billion values.
+        has_aliases = any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text))
+        mapping = None if has_aliases else yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError):
         mapping = None
     if not isinstance(mapping, dict):
         raise ArchiveError(f"{source} holds no card: expected a YAML mapping with network, architecture, sha256 ...")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gc
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from torch.multiprocessing.reductions import StorageWeakRef
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.files import FileError
-from radcam_depth_ros.networks import Depths, archive
+from radcam_depth_ros.networks import Depths, archive, contents
 from radcam_depth_ros.networks.archive import ArchiveError, Card
 
 ARCHITECTURE = {"channel_attention": False, "position_attention": False, "bidirectional": False}
@@ -147,6 +148,92 @@ def test_a_pickle_is_not_loaded(tmp_path: Path) -> None:
     torch.save({"weights": torch.zeros(3)}, tmp_path / "pickle.pt")
     with pytest.raises(ArchiveError, match=r"neither \.safetensors nor"):
         archive.load(tmp_path / "pickle.pt")
+
+
+class Writes(torch.nn.Module):
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        torch.save(x, "written")
+        return x
+
+
+class Runs(torch.nn.Module):
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return x
+
+    @torch.jit.export
+    def __getstate__(self) -> tuple[torch.Tensor, bool]:
+        return torch.zeros(1), self.training
+
+    @torch.jit.export
+    def __setstate__(self, state: tuple[torch.Tensor, bool]) -> None:
+        self.training = state[1]
+
+
+@pytest.mark.parametrize(("module", "word"), [(Writes, "save"), (Runs, "__setstate__")])
+def test_an_export_whose_code_could_do_more_than_compute_is_not_read(
+    weights: Path, tmp_path: Path, module: type[torch.nn.Module], word: str
+) -> None:
+    card = weights.with_suffix(".yaml").read_text()
+    with archive._quiet_jit():
+        torch.jit.script(module()).save(str(tmp_path / "foreign.pt"), _extra_files={archive.CARD_ENTRY: card})
+    with pytest.raises(ArchiveError, match=f"is not read: its code has '{word}'"):
+        archive.load(tmp_path / "foreign.pt")
+
+
+@pytest.mark.parametrize(
+    ("code", "word"),
+    [
+        ("def forward(self, x):\n  torch . \\\n  save(x, 'a')\n", "'save'"),
+        ("def forward(self, x):\n  y = '#'; ops.aten.from_file('a', True)\n", "'from_file'"),
+        ("def forward(self, x):\n  ops.image.write_file('a', x)\n", "operators of 'image'"),
+        ("def forward(self, x:\n", "cannot be read"),
+    ],
+)
+def test_the_code_of_an_export_is_looked_at_however_it_is_written(tmp_path: Path, code: str, word: str) -> None:
+    with zipfile.ZipFile(tmp_path / "foreign.pt", "w") as file:
+        file.writestr("foreign/code/__torch__/foreign.py", code)
+    with pytest.raises(ArchiveError, match=rf"is not read: .*{word}"):
+        archive.load(tmp_path / "foreign.pt")
+
+
+def test_a_small_file_that_becomes_a_large_one_is_not_read(
+    weights: Path, copied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with zipfile.ZipFile(tmp_path / "bomb.pt", "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("bomb/constants/0", bytes(1_000_000))
+    monkeypatch.setattr(contents, "LARGEST_BYTES", 900_000)
+    with pytest.raises(ArchiveError, match="its entries become more than 900000 bytes"):
+        archive.load(tmp_path / "bomb.pt")
+    copied.with_suffix(".yaml").write_text("a: " + "x" * 70_000)
+    with pytest.raises(ArchiveError, match=r"at most 65536 bytes in .*baff\.yaml, got 70003"):
+        archive.load(copied)
+
+
+def test_a_card_of_aliases_and_one_of_a_billion_channels_take_no_memory(copied: Path) -> None:
+    rewrite_card(copied, architecture={**ARCHITECTURE, "channels": [2**20] * 4})
+    with pytest.raises(archive.RadcamDepthError, match="should be"):
+        archive.load(copied)
+    laughs = ["a0: &a0 [1, 1]", *(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 30))]
+    copied.with_suffix(".yaml").write_text("\n".join(laughs))
+    with pytest.raises(ArchiveError, match="holds no card"):
+        archive.load(copied)
+
+
+def test_loading_and_running_weights_writes_nothing(
+    weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exported = tmp_path / "baff.pt"
+    archive.export(archive.load(weights), exported)
+    monkeypatch.chdir(tmp_path)
+    before = {path: path.stat().st_mtime_ns for folder in (weights.parent, tmp_path) for path in folder.iterdir()}
+    for source in (weights, exported):
+        run(archive.load(source).network, inputs())
+    for source in ("../new.safetensors", tmp_path / "new.pt", tmp_path, "/dev/null"):
+        with pytest.raises(ArchiveError, match="no weight file at"):
+            archive.load(source)
+    assert before == {
+        path: path.stat().st_mtime_ns for folder in (weights.parent, tmp_path) for path in folder.iterdir()
+    }
 
 
 def test_nothing_half_written_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
