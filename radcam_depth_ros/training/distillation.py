@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 
-import torch
 from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks import DistillationFeatures
-from radcam_depth_ros.training.masked import ALONE, sample_mean
+from radcam_depth_ros.training.masked import ALONE, halved, sample_mean
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.rectified import uncertainty
 from radcam_depth_ros.training.samples import TrainingError
@@ -106,7 +105,7 @@ def feature_loss(student: Sequence[Tensor], teacher: Sequence[Tensor], name: str
         sample_mean((mine.float() - theirs.detach().float()).abs(), ranks)
         for mine, theirs in zip(student, teacher, strict=True)
     ]
-    return _halved(terms)
+    return halved(terms)
 
 
 def similarity_loss(student: Sequence[Tensor], teacher: Sequence[Tensor], cells: int, ranks: Ranks = ALONE) -> Tensor:
@@ -121,7 +120,7 @@ def similarity_loss(student: Sequence[Tensor], teacher: Sequence[Tensor], cells:
         sample_mean((_similarities(mine, cells) - _similarities(theirs.detach(), cells)).square(), ranks)
         for mine, theirs in zip(student, teacher, strict=True)
     ]
-    return _halved(terms)
+    return halved(terms)
 
 
 def inter_depth_loss(
@@ -137,7 +136,7 @@ def inter_depth_loss(
         target = theirs.detach().float()
         weight = uncertainty(mine.detach().float(), target, beta)
         terms.append(sample_mean(weight * (mine.float() - target).abs(), ranks))
-    return _halved(terms)
+    return halved(terms)
 
 
 def _similarities(x: Tensor, cells: int) -> Tensor:
@@ -145,11 +144,6 @@ def _similarities(x: Tensor, cells: int) -> Tensor:
     places = functional.adaptive_avg_pool2d(x.float(), cells).flatten(2)
     places = functional.normalize(places, dim=1)
     return places.transpose(1, 2) @ places
-
-
-def _halved(terms: Sequence[Tensor]) -> Tensor:
-    """The sum of terms, the first by 1/2, the next by 1/4 and so on."""
-    return torch.stack([term / 2 ** (index + 1) for index, term in enumerate(terms)]).sum()
 
 
 def _check(student: Sequence[Tensor], teacher: Sequence[Tensor], name: str) -> None:

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from radcam_depth_ros.networks import LircdepthOutputs
 from radcam_depth_ros.training.batches import Batch
 from radcam_depth_ros.training.losses import LossConfig, confidence_loss, log_depth_loss, without_narrow_sky
-from radcam_depth_ros.training.masked import ALONE
+from radcam_depth_ros.training.masked import ALONE, halved
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.rectified import RectifiedLossConfig, dense_terms, depth_loss
 from radcam_depth_ros.training.samples import TrainingError
@@ -62,8 +61,8 @@ def total_loss(
     total, parts = dense_terms(dense_m, batch, max_depth_m, config, ranks)
     truth_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
     if config.inter_depth > 0:
-        terms = [depth_loss(given_m, truth_m, max_depth_m, ranks) for given_m in outputs.features.inter_depth_m]
-        parts["inter_depth"] = torch.stack([term / 2 ** (index + 1) for index, term in enumerate(terms)]).sum()
+        inter_m = outputs.features.inter_depth_m
+        parts["inter_depth"] = halved([depth_loss(given_m, truth_m, max_depth_m, ranks) for given_m in inter_m])
         total = total + config.inter_depth * parts["inter_depth"]
     if config.log_depth > 0:
         parts["log_depth"] = log_depth_loss(dense_m, truth_m, max_depth_m, ranks)

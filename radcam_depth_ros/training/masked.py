@@ -1,6 +1,8 @@
-"""Means over what is known."""
+"""Means over what is known, and sums of them over scales."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -35,3 +37,8 @@ def sample_mean(values: Tensor, ranks: Ranks = ALONE) -> Tensor:
     """Mean over the samples (B, ...) of the joint batch; `ranks` as in `masked_mean`."""
     means = values.flatten(1).mean(dim=1)
     return means.sum() / ranks.add(torch.tensor(len(means), device=means.device))
+
+
+def halved(terms: Sequence[Tensor]) -> Tensor:
+    """The sum of terms, the first by 1/2, the next by 1/4 and so on."""
+    return torch.stack([term / 2 ** (index + 1) for index, term in enumerate(terms)]).sum()
