@@ -1,6 +1,6 @@
 """What `lircdepth` is trained to (LiRCDepth 2025, METHODS C), but for distillation: see `distillation`.
 
-`inter_depth` and `log_depth` are not in the paper and are off by default.
+`inter_depth` is not in the paper and is off by default.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from radcam_depth_ros.networks import LircdepthOutputs
 from radcam_depth_ros.training.batches import Batch
-from radcam_depth_ros.training.losses import LossConfig, confidence_loss, log_depth_loss, without_narrow_sky
+from radcam_depth_ros.training.losses import LossConfig, confidence_loss, without_narrow_sky
 from radcam_depth_ros.training.masked import ALONE, halved
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.rectified import RectifiedLossConfig, dense_terms, depth_loss
@@ -25,14 +25,11 @@ class LircdepthLossConfig(RectifiedLossConfig):
     Attributes:
         inter_depth: Weight of an L1 on the depths within the decoder, halved from scale to scale in the order of
             decoding: what a teacher tells of them, told by the truth.
-        log_depth: Weight of an L1 on the logarithm of the dense depth, which counts a tenth of the distance alike near
-            and far.
         confidence: Weight of the confidence's binary cross entropy; only its own head learns from it.
         confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
     """
 
     inter_depth: float = 0.0
-    log_depth: float = 0.0
     confidence: float = 0.1
     confidence_tolerance: float = 0.1
 
@@ -64,9 +61,6 @@ def total_loss(
         inter_m = outputs.features.inter_depth_m
         parts["inter_depth"] = halved([depth_loss(given_m, truth_m, max_depth_m, ranks) for given_m in inter_m])
         total = total + config.inter_depth * parts["inter_depth"]
-    if config.log_depth > 0:
-        parts["log_depth"] = log_depth_loss(dense_m, truth_m, max_depth_m, ranks)
-        total = total + config.log_depth * parts["log_depth"]
     if config.confidence > 0:
         judged = LossConfig(confidence_tolerance=config.confidence_tolerance)
         logit = outputs.confidence_logit.float()

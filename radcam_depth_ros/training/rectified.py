@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from radcam_depth_ros.training.batches import Batch
-from radcam_depth_ros.training.losses import without_narrow_sky
+from radcam_depth_ros.training.losses import log_depth_loss, without_narrow_sky
 from radcam_depth_ros.training.masked import ALONE, masked_mean
 from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.samples import TrainingError
@@ -28,6 +28,8 @@ class RectifiedLossConfig:
         smoothness: Weight of the smoothness.
         sky: Weight of pixels without any surface or beyond the depth range, which are drawn to the farthest depth.
         sky_margin_px: Sky this near to a surface does not count.
+        log_depth: Weight of an L1 on the logarithm of the dense depth, which counts a tenth of the distance alike near
+            and far. It is not in the papers.
     """
 
     depth: float = 1.0
@@ -35,6 +37,7 @@ class RectifiedLossConfig:
     smoothness: float = 0.001
     sky: float = 0.015
     sky_margin_px: int = 4
+    log_depth: float = 0.0
 
     def __post_init__(self) -> None:
         if min(astuple(self)) < 0:
@@ -71,6 +74,9 @@ def dense_terms(
     if config.sky > 0:
         parts["sky"] = sky_loss(dense_m, accumulated_m, max_depth_m, ranks)
         total = total + config.sky * parts["sky"]
+    if config.log_depth > 0:
+        parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
+        total = total + config.log_depth * parts["log_depth"]
     return total, parts
 
 
