@@ -6,11 +6,14 @@ from __future__ import annotations
 import gc
 import importlib
 import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -38,6 +41,7 @@ from radcam_depth_ros.node.factory import build_message, message_class
 # Nodes of a fixed name are disturbed by others: each process has a domain that neither the demo nor other tests use.
 DOMAINS = (*range(1, 10), *range(70, 102))
 DOMAIN_ID = DOMAINS[os.getpid() % len(DOMAINS)]
+ROOT = Path(__file__).parents[2]
 CAMERA = CameraModel(96, 64, 100.0, 100.0, 47.5, 31.5)
 SECOND_NS = 1_000_000_000
 RADAR_LOOKING_ALONG = [0.0, 0.0, 0.0, 0.5, -0.5, 0.5, 0.5]
@@ -274,10 +278,29 @@ def _quick_diagnostics() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def domain_id() -> int:
-    """For nodes in processes of their own."""
-    return DOMAIN_ID
+@pytest.fixture
+def run_process() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Runs Python with arguments in a process that hears this one's nodes, and ends it after the test."""
+    processes: list[subprocess.Popen[str]] = []
+
+    def run(*arguments: str) -> subprocess.Popen[str]:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN_ID), "PYTHONPATH": str(ROOT)}
+        command = [sys.executable, *arguments]
+        pipe = subprocess.PIPE
+        processes.append(subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True))
+        return processes[-1]
+
+    yield run
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def run(run_process: Callable[..., Any]) -> Callable[..., Any]:
+    """Starts a node in a process of its own, see `sleeping_node`: `run("inference", "-p", "autostart:=false")`."""
+    script, extrinsics = str(ROOT / "test/sleeping_node.py"), f"camera_from_radar:={RADAR_LOOKING_ALONG}"
+    return lambda phase, *arguments: run_process(script, phase, "--ros-args", "-p", extrinsics, *arguments)
 
 
 @pytest.fixture

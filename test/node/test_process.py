@@ -2,79 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
-
-# A network that sleeps where it is told to: neither loading nor inference can be interrupted.
-SCRIPT = """
-import functools, sys, time
-from types import SimpleNamespace
-from radcam_depth_ros.node import depth_node, main
-
-class Sleeper:
-    def __init__(self, phase, config):
-        self.phase = phase
-        self.card = SimpleNamespace(focal_length_px=100.0)
-        self.nap("configure")
-
-    def nap(self, phase):
-        if phase == self.phase:
-            print("busy", flush=True)
-            time.sleep(60)
-
-    def can_adjust(self, config):
-        return True
-
-    def adjust(self, config):
-        pass
-
-    def warm_up(self, camera):
-        pass
-
-    def describe(self):
-        return "a sleeper"
-
-    tells_classes = False
-
-    def estimate(self, frame, *, classes):
-        self.nap("inference")
-
-depth_node.RadcamDepthNode = functools.partial(depth_node.RadcamDepthNode, functools.partial(Sleeper, sys.argv[1]))
-main(sys.argv[1:])
-"""
-
-
-@pytest.fixture
-def run(extrinsics: list[float], domain_id: int) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    processes = []
-
-    def run(phase: str, *arguments: str) -> subprocess.Popen[str]:
-        parameters = ["--ros-args", "-p", f"camera_from_radar:={extrinsics}", *arguments]
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain_id), "PYTHONPATH": str(ROOT)}
-        process = subprocess.Popen(
-            [sys.executable, "-c", SCRIPT, phase, *parameters],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        processes.append(process)
-        return process
-
-    yield run
-    for process in processes:
-        process.kill()
-        process.communicate()
 
 
 def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT) -> str:
