@@ -13,10 +13,13 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 
 
-def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT) -> str:
+def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT, times: int = 1) -> str:
     """Sends a signal; the process must end with 0 within two seconds. Returns what it wrote to stderr."""
     began_s = time.monotonic()
     process.send_signal(number)
+    for _ in range(times - 1):
+        time.sleep(0.2)
+        process.send_signal(number)
     _, errors = process.communicate(timeout=20)
     assert time.monotonic() - began_s < 2.0, errors
     assert process.returncode == 0, errors
@@ -42,6 +45,22 @@ def test_a_node_in_the_middle_of_an_image_ends_at_a_signal(run: Callable[..., An
     peer.send_until(lambda: peer.status("camera", "Hz on /image"))
     assert process.stdout.readline() == "busy\n"
     end(process)
+
+
+def test_a_node_in_the_middle_of_its_shutdown_ends_at_signals(run: Callable[..., Any], peer: Any) -> None:
+    from lifecycle_msgs.srv import ChangeState
+
+    process = run("inference")
+    client = peer.peer.create_client(ChangeState, "/radcam_depth/change_state")
+    peer.connect()
+    peer.send_until(lambda: peer.status("camera", "Hz on /image"))
+    assert process.stdout.readline() == "busy\n"
+    peer.until(client.service_is_ready, what="the service")
+    request = ChangeState.Request()
+    request.transition.label = "shutdown"
+    client.call_async(request)
+    peer.until(lambda: not peer.peer.count_subscribers("image"), what="the wait for the network")
+    end(process, times=2)
 
 
 def test_a_transition_that_is_not_possible_does_not_end_the_node(run: Callable[..., Any], peer: Any) -> None:
