@@ -100,6 +100,8 @@ class Peer:
         )
         self.listens_to = ""
         """The only node whose diagnostics are kept; empty for all."""
+        self.listens_since_ns = 0
+        """Diagnostics with a stamp before it are not kept, either: on a busy machine old ones may still wait."""
         self._peer_executor = SingleThreadedExecutor(context=context)
         self._peer_executor.add_node(self.peer)
         self._publishers: dict[str, Any] = {}
@@ -112,7 +114,8 @@ class Peer:
         self.subscribe("/rosout", "rcl_interfaces/msg/Log", lambda log: self.logs.append(log.msg))
 
     def _on_diagnostics(self, message: Any) -> None:
-        if self.listens_to in ("", message.status[0].hardware_id):
+        is_wanted = stamp_of(message) >= self.listens_since_ns
+        if is_wanted and self.listens_to in ("", message.status[0].hardware_id):
             self.diagnostics.append({status.name.split(": ", 1)[1]: status for status in message.status})
 
     def close(self) -> None:
