@@ -54,5 +54,5 @@ class Sleeper:
 
 if __name__ == "__main__":
     node: Any = functools.partial(depth_node.RadcamDepthNode, functools.partial(Sleeper, sys.argv[1]))
-    depth_node.RadcamDepthNode = node  # type: ignore[misc]  # main takes it from there
+    depth_node.RadcamDepthNode = node  # main takes it from there
     main(sys.argv[1:])
