@@ -30,13 +30,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rich.console import Console
 from rich.table import Table
 
-from demo.process import DemoError, NodeProcess
+from demo.process import DemoError, NodeProcess, keep_to_this_machine
 from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node.factory import build_message, message_class
 
-ROOT = Path(__file__).parents[1]
 DEPTH = "depth/image_rect"
 INPUTS = {
     "camera_info": "sensor_msgs/msg/CameraInfo",
@@ -176,16 +175,23 @@ def measure(camera: CameraModel, options: argparse.Namespace) -> Rate:
         DemoError: when the node ends or gives no depth.
     """
     with tempfile.TemporaryDirectory() as folder:
-        parameters: dict[str, Any] = {"camera_from_radar": RADAR_IN_THE_CAMERA, "camera_height_m": 1.5}
-        for entry in options.parameter:
-            name, _, value = entry.partition(":=")
-            parameters[name] = yaml.safe_load(value)
+        parameters = {
+            "camera_from_radar": RADAR_IN_THE_CAMERA,
+            "camera_height_m": 1.5,
+            **given_parameters(options.parameter),
+        }
         file = Path(folder) / "node.yaml"
         file.write_text(yaml.safe_dump({"radcam_depth": {"ros__parameters": parameters}}), encoding="utf-8")
         with NodeProcess(file, Path(folder) / "node.log") as process, _spinning() as (node, executor):
             feeder = Feeder(node, camera, options.points)
             _await_depth(feeder, process, executor)
             return _count(feeder, process, executor, camera, options)
+
+
+def given_parameters(entries: list[str]) -> dict[str, Any]:
+    """The node's parameters from entries such as `threads:=1`."""
+    parted = (entry.partition(":=") for entry in entries)
+    return {name: yaml.safe_load(value) for name, _, value in parted}
 
 
 def _await_depth(feeder: Feeder, process: NodeProcess, executor: SingleThreadedExecutor) -> None:
@@ -268,10 +274,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
 def main(arguments: list[str] | None = None) -> int:
     """Measures each size and prints a table."""
     options = _arguments(arguments)
-    # Nothing leaves this machine, and no other node is heard; large images need a large segment.
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "config/fastdds.xml"))
+    keep_to_this_machine()
     table = Table(title="depth frames a second of the live node", title_justify="left")
     for column in ("image", "frames/s", "median ms", "p90", "p99", "sent", "dropped", "node CPU", "feeder"):
         table.add_column(column, justify="right", no_wrap=True)

@@ -17,7 +17,7 @@ from rich.table import Table as RichTable
 
 from demo.measure import CAMERA_INFO, CONFIDENCE, DEPTH, SEMI_DENSE, Traffic, measure, write_page
 from demo.plan import Plan, plan_drive
-from demo.process import DemoError, NodeProcess
+from demo.process import DemoError, NodeProcess, keep_to_this_machine
 from demo.recorder import Recorder
 from demo.session import Session, await_discovery, ros_node, spinning
 from radcam_depth_ros.bags import BagReader
@@ -122,11 +122,7 @@ def _print(table: Table) -> None:
 
 def main() -> None:
     """Runs the demo on this machine only, in a domain of its own unless one is chosen."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.setdefault("ROS_DOMAIN_ID", str(10 + os.getpid() % 50))
-    # The default shared-memory segments are smaller than one image.
-    profile = Path(__file__).parents[1] / "config" / "fastdds.xml"
-    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
+    keep_to_this_machine()
     typer.run(demo)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +14,15 @@ from radcam_depth_ros.frame import RadcamDepthError
 
 class DemoError(RadcamDepthError):
     """The demo cannot go on."""
+
+
+def keep_to_this_machine() -> None:
+    """Has all that is started from now on speak with nobody else, in a domain of its own unless one is chosen."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault("ROS_DOMAIN_ID", str(10 + os.getpid() % 50))
+    # The default shared-memory segments are smaller than one image.
+    profile = Path(__file__).parents[1] / "config" / "fastdds.xml"
+    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
 
 
 class NodeProcess:

@@ -6,6 +6,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -84,10 +85,17 @@ class Session:
         return True
 
 
-def await_discovery(process: NodeProcess, player: Player, recorder: Recorder) -> None:
-    """Waits until the node listens to all that is played, and publishes all that is recorded."""
+class Listener(Protocol):
+    """Subscribes to what the node publishes."""
+
+    def unpublished(self) -> tuple[str, ...]:
+        """Topics that nobody publishes yet."""
+
+
+def await_discovery(process: NodeProcess, player: Player, listener: Listener) -> None:
+    """Waits until the node listens to all that is played, and publishes all that is listened to."""
     deadline_s = time.monotonic() + START_TIMEOUT_S
-    while missing := (*player.unheard(), *recorder.unpublished()):
+    while missing := (*player.unheard(), *listener.unpublished()):
         process.check()
         if problem := process.problem:
             raise DemoError(f"the node cannot start: {problem}")

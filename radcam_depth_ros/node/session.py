@@ -72,7 +72,7 @@ class Session:
         self._outputs = outputs
         self._latency_topics = latency_topics
         self._problems = problems
-        self._clock = ArrivalClock(node)
+        self.clock = ArrivalClock(node)
         self._images: OrderedDict[int, tuple[int, int]] = OrderedDict()  # by stamp: when it came and was decoded
         self.rates = {source.part: Rate() for source in inputs}
         """Messages of each part, good ones and bad ones."""
@@ -143,7 +143,7 @@ class Session:
 
     def _accept(self, source: Input, message: Any, now_ns: int) -> tuple[Frame, ...]:
         try:
-            return self.pipeline.accept(source.topic, message, self._clock.now_ns())
+            return self.pipeline.accept(source.topic, message, self.clock.now_ns())
         finally:
             if source is self.inputs.camera:
                 self._images[_stamp_ns(message)] = (now_ns, time.monotonic_ns())
@@ -152,7 +152,7 @@ class Session:
 
     def _on_expiry(self) -> None:
         try:
-            frames = self.pipeline.expire(self._clock.now_ns())
+            frames = self.pipeline.expire(self.clock.now_ns())
         except RadcamDepthError as error:
             self._on_unusable_image(error)
         except Exception as error:  # the boundary, as above

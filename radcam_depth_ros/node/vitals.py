@@ -7,7 +7,7 @@ import time
 import numpy as np
 from rclpy.node import Node
 
-from radcam_depth_ros.node.health import Level, Problems, Rate, Status
+from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate, Status
 from radcam_depth_ros.node.inputs import Input
 from radcam_depth_ros.node.outputs import Outputs
 from radcam_depth_ros.node.session import Session
@@ -39,6 +39,7 @@ class Vitals:
         self._problems = problems
         self.watchdog = Watchdog(node, session, problems)
         self._before = session.pipeline.counts
+        self._leaps_before = 0
         self._are_clocks_told = False
 
     def statuses(self) -> tuple[Status, ...]:
@@ -173,6 +174,7 @@ class Vitals:
                 "the clock; images and sweeps from before are not paired with those from after",
             )
             problems.settle("pairing")
+        self._judge_leaps()
         duplicates = counts.duplicates - before.duplicates
         if duplicates > 0:
             problems.report(
@@ -184,6 +186,18 @@ class Vitals:
         elif counts.images > before.images:
             problems.settle("stamps")
         self._judge_clocks()
+
+    def _judge_leaps(self) -> None:
+        clock = self._session.clock
+        if clock.leaps > self._leaps_before:
+            self._problems.report(
+                "pairing",
+                Level.WARN,
+                f"expected /clock to run on, it leapt {clock.last_leap_ns / SECOND_NS:.0f} s ahead, as where a "
+                "playback is moved or two of them publish it; images that waited for radar sweeps wait no longer",
+            )
+            self._problems.settle("pairing")
+        self._leaps_before = clock.leaps
 
     def _judge_clocks(self) -> None:
         session = self._session

@@ -70,11 +70,7 @@ class ParameterSpec:
         return self._field_type() in _FOR_EACH_RADAR
 
     def _field_type(self) -> Any:
-        *owners, name = self.path.split(".")
-        owner: Any = NodeConfig
-        for step in owners:
-            owner = typing.get_type_hints(owner)[step]
-        return typing.get_type_hints(owner)[name]
+        return _type_at(self.path)
 
     def descriptor(self) -> ParameterDescriptor:
         """Its description, range and choices for ROS tools."""
@@ -115,6 +111,16 @@ class ParameterSpec:
                 f"the parameter {self.name} must be within {self.minimum:g} and {self.maximum:g}, got {value!r}"
             )
         return converted
+
+
+@functools.cache
+def _type_at(path: str) -> Any:
+    """The type of a field of `NodeConfig`; finding it takes far longer than what is done with it."""
+    *owners, name = path.split(".")
+    owner: Any = NodeConfig
+    for step in owners:
+        owner = typing.get_type_hints(owner)[step]
+    return typing.get_type_hints(owner)[name]
 
 
 def _integer(value: Any) -> int | None:

@@ -6,11 +6,14 @@ from __future__ import annotations
 import gc
 import importlib
 import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -38,6 +41,7 @@ from radcam_depth_ros.node.factory import build_message, message_class
 # Nodes of a fixed name are disturbed by others: each process has a domain that neither the demo nor other tests use.
 DOMAINS = (*range(1, 10), *range(70, 102))
 DOMAIN_ID = DOMAINS[os.getpid() % len(DOMAINS)]
+ROOT = Path(__file__).parents[2]
 CAMERA = CameraModel(96, 64, 100.0, 100.0, 47.5, 31.5)
 SECOND_NS = 1_000_000_000
 RADAR_LOOKING_ALONG = [0.0, 0.0, 0.0, 0.5, -0.5, 0.5, 0.5]
@@ -89,9 +93,15 @@ class FakeEstimator:
 class Peer:
     """Sensors and listeners in a node of their own, which is spun while something is waited for."""
 
-    def __init__(self, context: Context, name: str = "peer") -> None:
+    def __init__(self, context: Context, name: str = "peer", namespace: str = "") -> None:
         self.context = context
-        self.peer = Node(name, context=context, start_parameter_services=False, enable_rosout=False)
+        self.peer = Node(
+            name, context=context, namespace=namespace, start_parameter_services=False, enable_rosout=False
+        )
+        self.listens_to = ""
+        """The only node whose diagnostics are kept; empty for all."""
+        self.listens_since_ns = 0
+        """Diagnostics with a stamp before it are not kept, either: on a busy machine old ones may still wait."""
         self._peer_executor = SingleThreadedExecutor(context=context)
         self._peer_executor.add_node(self.peer)
         self._publishers: dict[str, Any] = {}
@@ -104,7 +114,9 @@ class Peer:
         self.subscribe("/rosout", "rcl_interfaces/msg/Log", lambda log: self.logs.append(log.msg))
 
     def _on_diagnostics(self, message: Any) -> None:
-        self.diagnostics.append({status.name.split(": ", 1)[1]: status for status in message.status})
+        is_wanted = stamp_of(message) >= self.listens_since_ns
+        if is_wanted and self.listens_to in ("", message.status[0].hardware_id):
+            self.diagnostics.append({status.name.split(": ", 1)[1]: status for status in message.status})
 
     def close(self) -> None:
         self._peer_executor.remove_node(self.peer)
@@ -191,12 +203,18 @@ class Peer:
 
 
 class Bench(Peer):
-    """A peer with the node under test, which runs in a thread of its own."""
+    """A peer with the node under test, which runs in a thread of its own, or in another one's."""
 
     def __init__(
-        self, context: Context, parameters: Mapping[str, Any], make: Callable[..., Any], args: Sequence[str]
+        self,
+        context: Context,
+        parameters: Mapping[str, Any],
+        make: Callable[..., Any],
+        args: Sequence[str],
+        namespace: str = "",
+        beside: Bench | None = None,
     ) -> None:
-        super().__init__(context)
+        super().__init__(context, namespace=namespace)
         self.fake: Any = None
 
         def make_estimator(config: EstimatorConfig) -> Any:
@@ -205,24 +223,35 @@ class Bench(Peer):
 
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         self.node = depth_node.RadcamDepthNode(
-            make_estimator, context=context, parameter_overrides=overrides, cli_args=["--ros-args", *args]
+            make_estimator,
+            context=context,
+            namespace=namespace,
+            parameter_overrides=overrides,
+            cli_args=["--ros-args", *args],
         )
-        self._executor = SingleThreadedExecutor(context=context)
+        self.listens_to = self.node.get_fully_qualified_name() if namespace else ""
+        self._executor = SingleThreadedExecutor(context=context) if beside is None else beside._executor
         self._executor.add_node(self.node)
-        self._transition = self.peer.create_client(service_class("ChangeState"), "/radcam_depth/change_state")
-        self._state = self.peer.create_client(service_class("GetState"), "/radcam_depth/get_state")
-        self._set = self.peer.create_client(SetParameters, "/radcam_depth/set_parameters")
+        self._transition = self.peer.create_client(service_class("ChangeState"), "radcam_depth/change_state")
+        self._state = self.peer.create_client(service_class("GetState"), "radcam_depth/get_state")
+        self._set = self.peer.create_client(SetParameters, "radcam_depth/set_parameters")
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._spin, name="node under test")
-        self._thread.start()
+        self._thread: threading.Thread | None = None
+        if beside is None:
+            self._thread = threading.Thread(target=self._spin, name="node under test")
+            self._thread.start()
 
     def _spin(self) -> None:
         while not self._stop.is_set():
             self._executor.spin_once(timeout_sec=0.05)
 
     def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
+        """Ends the node; the second time does nothing."""
+        if not hasattr(self, "node"):
+            return
+        if self._thread is not None:
+            self._stop.set()
+            self._thread.join()
         self._executor.remove_node(self.node)
         self.node.destroy_node()
         del self.node
@@ -274,10 +303,29 @@ def _quick_diagnostics() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def domain_id() -> int:
-    """For nodes in processes of their own."""
-    return DOMAIN_ID
+@pytest.fixture
+def run_process() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Runs Python with arguments in a process that hears this one's nodes, and ends it after the test."""
+    processes: list[subprocess.Popen[str]] = []
+
+    def run(*arguments: str) -> subprocess.Popen[str]:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN_ID), "PYTHONPATH": str(ROOT)}
+        command = [sys.executable, *arguments]
+        pipe = subprocess.PIPE
+        processes.append(subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True))
+        return processes[-1]
+
+    yield run
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def run(run_process: Callable[..., Any]) -> Callable[..., Any]:
+    """Starts a node in a process of its own, see `sleeping_node`: `run("inference", "-p", "autostart:=false")`."""
+    script, extrinsics = str(ROOT / "test/sleeping_node.py"), f"camera_from_radar:={RADAR_LOOKING_ALONG}"
+    return lambda phase, *arguments: run_process(script, phase, "--ros-args", "-p", extrinsics, *arguments)
 
 
 @pytest.fixture
@@ -294,10 +342,16 @@ def _starter(context: Context) -> Iterator[Callable[..., Bench]]:
     # A module's node, which its last test still referred to: its end would take the topic of logs from this one.
     gc.collect()
 
-    def start(make: Callable[..., Any] = FakeEstimator, args: Sequence[str] = (), **parameters: Any) -> Bench:
+    def start(
+        make: Callable[..., Any] = FakeEstimator,
+        args: Sequence[str] = (),
+        namespace: str = "",
+        beside: Bench | None = None,
+        **parameters: Any,
+    ) -> Bench:
         given = {"camera_from_radar": RADAR_LOOKING_ALONG, "max_wait_s": 0.02, **parameters}
         given = {name: value for name, value in given.items() if value is not None}
-        benches.append(Bench(context, given, make, args))
+        benches.append(Bench(context, given, make, args, namespace, beside))
         return benches[-1]
 
     yield start

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.soak_figures import Counts
 from radcam_depth_ros.messages import decode_depth
 from radcam_depth_ros.node import watchdog
 
@@ -85,7 +86,8 @@ def wait(condition: Callable[[], bool], what: str) -> None:
 
 
 def told(bench: Any, part: str) -> dict[str, str]:
-    """The values of the next line about a part."""
+    """The values of a line about a part that was made from now on."""
+    bench.listens_since_ns = time.time_ns()
     bench.diagnostics.clear()
     bench.until(lambda: len(bench.diagnostics) > 1, what="diagnostics")
     return values(bench, part)
@@ -286,6 +288,9 @@ def test_every_image_is_depth_or_a_drop_with_a_cause(bench: Any) -> None:
     causes = ("unreadable", "duplicate", "no calibration or transform", "failed")
     assert (output["images"], output["frames out"], output["dropped: overload"]) == ("5", "1", "0")
     assert [output[f"dropped: {cause}"] for cause in causes] == ["1"] * len(causes)
+    counts = Counts.read({part: values(bench, part) for part in bench.diagnostics[-1]})
+    assert counts is not None  # the names that a soak goes by
+    assert (counts.heard, counts.refused, counts.pairs, counts.out, counts.is_settled) == (5, 3, 2, 1, True)
     await_health(bench)
 
 

@@ -2,85 +2,24 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 
-# A network that sleeps where it is told to: neither loading nor inference can be interrupted.
-SCRIPT = """
-import functools, sys, time
-from types import SimpleNamespace
-from radcam_depth_ros.node import depth_node, main
 
-class Sleeper:
-    def __init__(self, phase, config):
-        self.phase = phase
-        self.card = SimpleNamespace(focal_length_px=100.0)
-        self.nap("configure")
-
-    def nap(self, phase):
-        if phase == self.phase:
-            print("busy", flush=True)
-            time.sleep(60)
-
-    def can_adjust(self, config):
-        return True
-
-    def adjust(self, config):
-        pass
-
-    def warm_up(self, camera):
-        pass
-
-    def describe(self):
-        return "a sleeper"
-
-    tells_classes = False
-
-    def estimate(self, frame, *, classes):
-        self.nap("inference")
-
-depth_node.RadcamDepthNode = functools.partial(depth_node.RadcamDepthNode, functools.partial(Sleeper, sys.argv[1]))
-main(sys.argv[1:])
-"""
-
-
-@pytest.fixture
-def run(extrinsics: list[float], domain_id: int) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    processes = []
-
-    def run(phase: str, *arguments: str) -> subprocess.Popen[str]:
-        parameters = ["--ros-args", "-p", f"camera_from_radar:={extrinsics}", *arguments]
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain_id), "PYTHONPATH": str(ROOT)}
-        process = subprocess.Popen(
-            [sys.executable, "-c", SCRIPT, phase, *parameters],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        processes.append(process)
-        return process
-
-    yield run
-    for process in processes:
-        process.kill()
-        process.communicate()
-
-
-def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT) -> str:
+def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT, times: int = 1) -> str:
     """Sends a signal; the process must end with 0 within two seconds. Returns what it wrote to stderr."""
     began_s = time.monotonic()
     process.send_signal(number)
+    for _ in range(times - 1):
+        time.sleep(0.2)
+        process.send_signal(number)
     _, errors = process.communicate(timeout=20)
     assert time.monotonic() - began_s < 2.0, errors
     assert process.returncode == 0, errors
@@ -106,6 +45,22 @@ def test_a_node_in_the_middle_of_an_image_ends_at_a_signal(run: Callable[..., An
     peer.send_until(lambda: peer.status("camera", "Hz on /image"))
     assert process.stdout.readline() == "busy\n"
     end(process)
+
+
+def test_a_node_in_the_middle_of_its_shutdown_ends_at_signals(run: Callable[..., Any], peer: Any) -> None:
+    from lifecycle_msgs.srv import ChangeState
+
+    process = run("inference")
+    client = peer.peer.create_client(ChangeState, "/radcam_depth/change_state")
+    peer.connect()
+    peer.send_until(lambda: peer.status("camera", "Hz on /image"))
+    assert process.stdout.readline() == "busy\n"
+    peer.until(client.service_is_ready, what="the service")
+    request = ChangeState.Request()
+    request.transition.label = "shutdown"
+    client.call_async(request)
+    peer.until(lambda: not peer.peer.count_subscribers("image"), what="the wait for the network")
+    end(process, times=2)
 
 
 def test_a_transition_that_is_not_possible_does_not_end_the_node(run: Callable[..., Any], peer: Any) -> None:
