@@ -1,7 +1,7 @@
-"""Executes the commands of README, docs and `--help`: `make docs`, `make docs PAGES="README.md docs/training.md"`.
+"""Executes the commands of README, docs and `--help`: `make docs`, `make docs PAGES="docs/training.md README.md:189"`.
 
-A page is a story: its blocks are executed in their order in one folder, a copy of the checkout. What a reader does not see
-says how:
+A page is a story: its blocks are executed in their order in one folder, a copy of the checkout; with a line behind the page's
+name those from that line on. What a reader does not see says how:
 
     <!-- before: COMMANDS --> above a block is executed first, for what the page takes as given. $DRIVE is a simulated drive.
     <!-- executed with: SCRIPT --> above a block changes it by `sed -E`, such as a training's length.
@@ -28,6 +28,8 @@ HELP = "--help"
 """The page of the examples that end each verb's help."""
 DRIVE_FRAMES = 6
 LIMIT_S = 1800
+_OWN = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+"""Variables of this process alone: each Python of the environment finds ROS's libraries by itself."""
 _BLOCK = re.compile(
     r"(?:^<!-- before: (?P<before>.*?) -->\n)?(?:^<!-- executed with: (?P<edit>.*?) -->\n)?"
     r"^```bash\n(?P<text>.*?)^```\n(?:\n?Not executed here: (?P<reason>.*?)\.\n)?",
@@ -114,7 +116,7 @@ def _copy(folder: Path) -> None:
 def _run(text: str, folder: Path, drive: Path) -> tuple[bool, str]:
     """Executes commands until one fails: whether all went well, and what they printed."""
     environment = {
-        **os.environ,
+        **{name: value for name, value in os.environ.items() if name not in _OWN},
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
         "PYTHONPATH": str(folder),
         "DRIVE": str(drive),
@@ -143,12 +145,15 @@ def _tell(block: Block) -> Iterator[str]:
 
 
 def execute(page: str, drive: Path) -> int:
-    """Executes a page and prints what became of each block; the number of those that failed."""
+    """Executes a page, or its end, and prints what became of each block; the number of those that failed."""
+    page, _, first_line = page.partition(":")
     failures = 0
     with tempfile.TemporaryDirectory(prefix="radcam_depth_docs.") as temporary:
         folder = Path(temporary)
         _copy(folder)
         for block in read_blocks(page):
+            if first_line and block.line < int(first_line):
+                continue
             where = f"{block.page}:{block.line}" if block.line else block.page
             if block.reason:
                 print(f"not here  {where}: {' '.join(block.reason.split())}", flush=True)
@@ -168,7 +173,7 @@ def execute(page: str, drive: Path) -> int:
 def main(arguments: Sequence[str]) -> None:
     """Executes pages, all of them if none is named."""
     known = (HELP, *pages())
-    unknown = [page for page in arguments if page not in known]
+    unknown = [page for page in arguments if page.partition(":")[0] not in known]
     if unknown:
         sys.exit(f"there is no page {unknown[0]}; there are {', '.join(known)}")
     with tempfile.TemporaryDirectory(prefix="radcam_depth_docs.") as temporary:
