@@ -71,7 +71,7 @@ def view_live(
     if not topics.radars:
         tell(f"radar returns are not drawn: radars with {TRANSFORM_TOPICS[0]} were not found")
     refused: list[RadcamDepthError] = []
-    depth = RecordedDepth(source, place)
+    depth = RecordedDepth(source, place, is_live=True)
     numbered = enumerate(_pictures(source, depth, topics, settings, options, refused.append), 1)
     pictures = itertools.islice(numbered, options.frames or (STRIP_FRAMES if target.suffix == STRIP else None))
     first = list(itertools.islice(pictures, _TIMED_PICTURES))

@@ -17,6 +17,8 @@ _DEPTH = OUTPUT_TOPICS["depth"]
 _CAMERA_INFO = OUTPUT_TOPICS["depth_camera_info"]
 _SEMI_DENSE = OUTPUT_TOPICS["semi_dense"]
 _CONFIDENCE = OUTPUT_TOPICS["confidence"]
+_JUMP_NS = 1_000_000_000
+"""Live stamps that go back further begin anew, as those of a bag that is played in a loop."""
 
 
 class StoredMessage(Protocol):
@@ -70,17 +72,22 @@ class RecordedDepth:
     Args:
         reader: The bag, which stays open as long as this is used, or the live topics.
         namespace: Of the node's topics, as `find_recorded_depth` gives it.
+        is_live: Stamps may begin anew.
     """
 
-    def __init__(self, reader: Source, namespace: str = "/") -> None:
+    def __init__(self, reader: Source, namespace: str = "/", *, is_live: bool = False) -> None:
         recorded = {topic.name for topic in reader.topics if topic.count}
         wanted = {namespace + name: name for name in (_DEPTH, _CAMERA_INFO, _SEMI_DENSE, _CONFIDENCE)}
         self._names = {topic: name for topic, name in wanted.items() if topic in recorded}
         self._messages = reader.messages(self._names.keys())
         self._waiting: dict[int, dict[str, Any]] = {}
+        self._is_live, self._last_ns = is_live, 0
 
     def predict(self, frame: Frame) -> DepthResult | None:
         """The depth recorded for a frame, None where there is none; frames in the order of their stamps."""
+        if self._is_live and frame.stamp_ns < self._last_ns - _JUMP_NS:
+            self._waiting.clear()
+        self._last_ns = frame.stamp_ns
         for stamp_ns in [stamp for stamp in self._waiting if stamp < frame.stamp_ns]:
             del self._waiting[stamp_ns]
         # The node publishes one frame after the other: once a later one is complete, this one is not to come.
@@ -89,6 +96,9 @@ class RecordedDepth:
             if item is None:
                 break
             stamp_ns = header_stamp_ns(item.raw)
+            if self._is_live and stamp_ns < frame.stamp_ns - _JUMP_NS:
+                self._waiting = {stamp_ns: {self._names[item.topic]: item}}
+                return None
             if stamp_ns >= frame.stamp_ns:
                 self._waiting.setdefault(stamp_ns, {})[self._names[item.topic]] = item
         if not self._is_complete(frame.stamp_ns):
