@@ -10,9 +10,11 @@ name those from that line on. What a reader does not see says how:
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -123,20 +125,24 @@ def _run(text: str, folder: Path, drive: Path) -> tuple[bool, str]:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_LOG_DIR": str(folder / "out" / "ros_log"),
     }
+    process = subprocess.Popen(
+        ["bash", "-euo", "pipefail", "-c", text],
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
     try:
-        done = subprocess.run(
-            ["bash", "-euo", "pipefail", "-c", text],
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            timeout=LIMIT_S,
-            check=False,
-        )
+        printed, _ = process.communicate(timeout=LIMIT_S)
     except subprocess.TimeoutExpired as error:
-        return False, f"{(error.stdout or b'').decode(errors='replace')}\nnot done after {LIMIT_S} s"
-    return done.returncode == 0, done.stdout.decode(errors="replace")
+        printed = (error.stdout or b"") + f"\nnot done after {LIMIT_S} s".encode()
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # with what it left running
+        process.wait()
+    return process.returncode == 0, printed.decode(errors="replace")
 
 
 def _tell(block: Block) -> Iterator[str]:

@@ -42,6 +42,7 @@ _LIDAR_HINTS = (
 )
 _NO_CAMERA_HINTS = (
     "depth",
+    "semi_dense",
     "semantic",
     "class",
     "segment",
