@@ -1,9 +1,9 @@
 """Executes the commands of README, docs and `--help`: `make docs`, `make docs PAGES="docs/training.md README.md:189"`.
 
-A page is a story: its blocks are executed in their order in one folder, a copy of the checkout; with a line behind the page's
-name those from that line on. What a reader does not see says how:
+A page is a story: its blocks are executed in their order in one folder, a copy of the checkout; with a line behind the
+page's name those from that line on. What a reader does not see says how:
 
-    <!-- before: COMMANDS --> above a block is executed first, for what the page takes as given. $DRIVE is a simulated drive.
+    <!-- before: COMMANDS --> above a block is executed first, for what the page takes as given; $DRIVE is a drive.
     <!-- executed with: SCRIPT --> above a block changes it by `sed -E`, such as a training's length.
     Not executed here: REASON. below a block says that it is not; above the first one, that none of the page is.
 """
@@ -104,7 +104,10 @@ def commands(block: Block) -> str:
 def _copy(folder: Path) -> None:
     """The checkout as git has it, without its history; the environment is the checkout's own."""
     listed = subprocess.run(
-        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, check=True
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
     )
     for name in filter(None, listed.stdout.decode().split("\0")):
         if (ROOT / name).is_file():

@@ -143,7 +143,9 @@ def test_links_and_files_exist(page: str) -> None:
                 if line[:1] == "#"
             ]
             assert heading in titles, target
-    for path in re.findall(r"(?<![\w/])(?:config|launch|rviz|foxglove|docker)/[\w./]*\w", TEXTS[page].replace("NETWORK", "baff")):
+    for path in re.findall(
+        r"(?<![\w/])(?:config|launch|rviz|foxglove|docker)/[\w./]*\w", TEXTS[page].replace("NETWORK", "baff")
+    ):
         assert (ROOT / path).exists(), path
 
 
@@ -178,7 +180,10 @@ class Parsed(Exception):  # noqa: N818  # no error: the way out of a benchmark t
 
 
 BENCHMARKS = [
-    *(shlex.split(row) for row in re.findall(r"^\| `python -m (benchmarks\.[^`]+)`", TEXTS["benchmarks/README.md"], re.M)),
+    *(
+        shlex.split(row)
+        for row in re.findall(r"^\| `python -m (benchmarks\.[^`]+)`", TEXTS["benchmarks/README.md"], re.M)
+    ),
     *(words for _, words in commands("-m") if words[0].startswith("benchmarks.")),
 ]
 

@@ -61,7 +61,7 @@ def view(
 ) -> None:
     """Shows a drive: the camera beside its dense and semi-dense depth, radar returns drawn in.
 
-    Of live topics each image is shown with the depth that a node publishes of it. It ends when nothing comes for 10 s, too.
+    Of live topics each image is shown with the depth that a node publishes of it; it ends after 10 s of nothing, too.
 
     With a node that runs: radcam-depth view topics --save out/live.mp4 --seconds 10
 
@@ -74,7 +74,9 @@ def view(
     options = viewing.ViewOptions(every, frames, width)
     if network is not None or model is not None:
         if depth is not None:
-            raise viewing.ViewError("--depth shows the depth of a bag, --network and --model compute it; give one of them")
+            raise viewing.ViewError(
+                "--depth shows the depth of a bag, --network and --model compute it; give one of them"
+            )
         if _is_live(bag):
             raise viewing.ViewError(f"{_LIVE} shows the depth that a node publishes; leave --network and --model out")
     if _is_live(bag):

@@ -173,7 +173,8 @@ class Listener:
     def describe(self, topics: Collection[str]) -> str:
         """How many messages came on some topics, and from how many publishers, for a sentence."""
         return ", ".join(
-            f"{name} (publishers: {self._node.count_publishers(name)}, messages: {self._heard[name]})" for name in topics
+            f"{name} (publishers: {self._node.count_publishers(name)}, messages: {self._heard[name]})"
+            for name in topics
         )
 
     def _subscribe(self, topic: TopicInfo, take: Callable[[TopicInfo, bytes], None]) -> None:

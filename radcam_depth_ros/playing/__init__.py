@@ -1,6 +1,6 @@
 """Playing bags over DDS, where rosbag2 is not installed and where the demo has to hold messages back.
 
-This room imports rclpy; nothing but the demo, the room `listening` and the verb `play`, when it runs, imports this room.
+This room imports rclpy; nothing but the demo, the room `listening`, and the verb `play` when it runs imports this room.
 """
 
 from radcam_depth_ros.playing.playback import Playback, PlaybackError, PlayOptions, Progress, ros_node, why_not

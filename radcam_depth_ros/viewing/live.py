@@ -80,8 +80,9 @@ def view_live(
             f"no image came with depth: {source.describe((topics.image, topics.camera_info, *depth.topics))}"
             f"{f'; {refused[-1]}' if refused else ''}; see whether the node is active, and /diagnostics"
         )
-    seconds = (first[-1][1][0] - first[0][1][0]) / 1e9
-    rate_hz = (len(first) - 1) / seconds if seconds > 0 else 1.0
+    gaps_s = np.diff([stamp_ns for _, (stamp_ns, _) in first]) / 1e9
+    forward_s = gaps_s[gaps_s > 0]  # not those of stamps that begin anew
+    rate_hz = 1 / float(np.median(forward_s)) if forward_s.size else 1.0
     shown = 0
     with output(target, float(np.clip(rate_hz, *RATES_HZ))) as add:
         for shown, (_, picture) in itertools.chain(first, pictures):

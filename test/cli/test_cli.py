@@ -47,7 +47,7 @@ def test_each_help_shows_an_example(verb: str) -> None:
 
 
 def example(verb: str) -> list[str]:
-    """The arguments of the command that ends a verb's help; `make docs` runs those that begin with a drive, or measure."""
+    """The arguments of the command that ends a verb's help; `make docs` runs those that take long."""
     command = next(command for command in cli.app.registered_commands if command.callback.__name__ == verb)
     return str(command.callback.__doc__).split("Example: radcam-depth ")[1].split()
 
