@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 from rclpy.executors import SingleThreadedExecutor
@@ -183,9 +183,7 @@ class Listener:
             reliability=ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE,
         )
-        self._node.create_subscription(
-            message_class(topic.type_name), topic.name, lambda raw: take(topic, raw), qos, raw=True
-        )
+        self._node.create_subscription(message_class(topic.type_name), topic.name, partial(take, topic), qos, raw=True)
 
 
 @contextmanager
