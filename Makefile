@@ -14,8 +14,10 @@ FRAMES ?=
 SEED ?=
 MODEL ?=
 OUT ?= out/demo
+# Pages of `make docs`; all of them if none is named.
+PAGES ?=
 
-.PHONY: help demo test lint format clean
+.PHONY: help demo test docs lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 10
@@ -32,6 +34,9 @@ else
 	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone"
 	@.venv/bin/python -m pytest -m alone
 endif
+
+docs: .venv/installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
+	@.venv/bin/python scripts/documented_commands.py $(PAGES)
 
 lint: .venv/installed ## ruff and mypy, as CI runs them
 	@.venv/bin/python -m ruff check .

@@ -42,6 +42,7 @@ _LIDAR_HINTS = (
 )
 _NO_CAMERA_HINTS = (
     "depth",
+    "semi_dense",
     "semantic",
     "class",
     "segment",
@@ -98,6 +99,7 @@ def find_topics(
     depth: str | None = None,
     classes: str | None = None,
     odometry: str | None = None,
+    of: str = "the bag",
 ) -> SensorTopics:
     """Tells a bag's sensors from their topics; what is given by name is taken when it exists and fits.
 
@@ -112,11 +114,12 @@ def find_topics(
         depth: Name of the exact depth images.
         classes: Name of the class images.
         odometry: Name of the odometry.
+        of: What has the topics, for the sentence on what it lacks.
 
     Raises:
         BagError: when the bag has no camera, camera_info or radar, or not what is asked for by name.
     """
-    chooser = TopicChooser(topics)
+    chooser = TopicChooser(topics, of)
     image = chooser.named("image", image, IMAGE_TYPES) or chooser.find_image()
     camera_info = chooser.named("camera_info", camera_info, CAMERA_INFO_TYPES) or chooser.find_camera_info(image)
     if radars is None:
@@ -141,9 +144,11 @@ class TopicChooser:
 
     Args:
         topics: `BagReader.topics`.
+        of: What has them, for sentences on what it lacks.
     """
 
-    def __init__(self, topics: Iterable[TopicInfo]) -> None:
+    def __init__(self, topics: Iterable[TopicInfo], of: str = "the bag") -> None:
+        self._of = of
         self._topics = [topic for topic in topics if topic.count > 0]
 
     def of_type(self, types: Collection[str]) -> list[str]:
@@ -157,7 +162,7 @@ class TopicChooser:
         fitting = self.of_type(types)
         if name not in fitting:
             wanted = " or ".join(types)
-            raise BagError(f"the bag has no {role} topic {name} of {wanted}; it has {nearest(name, fitting)}")
+            raise BagError(f"{self._of} has no {role} topic {name} of {wanted}; it has {nearest(name, fitting)}")
         return name
 
     def find_image(self) -> str:
@@ -179,7 +184,7 @@ class TopicChooser:
         sibling = _sibling_info(image, infos)
         if sibling is None and len(infos) > 1:
             raise BagError(
-                f"the bag has no camera_info beside {image} but {', '.join(sorted(infos))}; name the one to use"
+                f"{self._of} has no camera_info beside {image} but {', '.join(sorted(infos))}; name the one to use"
             )
         return sibling or infos[0]
 
@@ -222,7 +227,8 @@ class TopicChooser:
     def _lacks(self, what: str, types: Sequence[str]) -> BagError:
         holds = ", ".join(f"{topic.name} ({topic.type_name})" for topic in self._topics) or "no messages"
         return BagError(
-            f"the bag has no {what} ({' or '.join(types)}), it holds {holds}; use another bag or name the topic"
+            f"{self._of} has no {what} ({' or '.join(types)}), it holds {holds}; use another "
+            f"{self._of.removeprefix('the ')} or name the topic"
         )
 
 

@@ -49,6 +49,20 @@ def load_estimator(
 
 
 @contextmanager
+def needs_ros(what: str) -> Iterator[None]:
+    """Around the import of a room that needs ROS: where that is missing, says that `what` needs it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        from radcam_depth_ros.frame import RadcamDepthError
+
+        raise RadcamDepthError(
+            f"{what} needs ROS 2, and the package {error.name} is not installed; source ROS "
+            "(source /opt/ros/jazzy/setup.bash), or install the extra `ros` of this package with pip"
+        ) from error
+
+
+@contextmanager
 def progress_bar() -> Iterator[Progress]:
     """A bar on stderr with count, rate and time left."""
     columns = (

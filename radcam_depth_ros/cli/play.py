@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import signal
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
-from radcam_depth_ros.cli.options import Bag, progress_bar
+from radcam_depth_ros.cli.options import Bag, needs_ros, progress_bar
 
 if TYPE_CHECKING:
     from radcam_depth_ros.playing import Progress
@@ -38,7 +38,8 @@ def play(
     # A shell has it ignored of what it starts in the background, such as by a script or a launch file.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        playing = _import_playing()
+        with needs_ros("play"):
+            from radcam_depth_ros import playing
         options = playing.PlayOptions(rate, loop, start, duration, tuple(topics or ()), clock, delay)
         playback = playing.Playback(bag, options)
         for sentence in playback.left_out:
@@ -58,17 +59,3 @@ def play(
             playback.run(show)
     except KeyboardInterrupt:
         console.print("interrupted")
-
-
-def _import_playing() -> Any:
-    """The room that needs ROS; all other verbs run without."""
-    try:
-        from radcam_depth_ros import playing
-    except ModuleNotFoundError as error:
-        from radcam_depth_ros.frame import RadcamDepthError
-
-        raise RadcamDepthError(
-            f"play needs ROS 2, and the package {error.name} is not installed; source ROS "
-            "(source /opt/ros/jazzy/setup.bash), or install the extra `ros` of this package with pip"
-        ) from error
-    return playing

@@ -1,7 +1,8 @@
-"""`radcam-depth view`: a drive as a video."""
+"""`radcam-depth view`: a drive as a video, recorded or live."""
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,24 +12,29 @@ import typer
 from rich.console import Console
 
 from radcam_depth_ros.cli.options import (
-    Bag,
     DeviceOption,
     ImageOption,
     ModelOption,
     PrecisionOption,
     RadarOption,
     load_estimator,
+    needs_ros,
     progress_bar,
 )
 
 if TYPE_CHECKING:
+    from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.frame import DepthResult, Frame
+    from radcam_depth_ros.viewing import ViewOptions
 
 _DEFAULT_NETWORK = "baff"
+_LIVE = "topics"
 
 
 def view(
-    bag: Bag,
+    bag: Annotated[
+        Path, typer.Argument(help=f"A rosbag2 folder or .mcap file, or `{_LIVE}`: what a node publishes now.")
+    ],
     save: Annotated[
         Path, typer.Option(help="Video (.mp4), strip of evenly spread frames (.png), or folder for single pictures.")
     ],
@@ -38,7 +44,11 @@ def view(
     ] = None,
     model: ModelOption = None,
     depth: Annotated[
-        Path | None, typer.Option(help="Bag with the depth of this drive, of replay or recorded, to show instead.")
+        Path | None,
+        typer.Option(
+            help="Bag with the depth of this drive, of replay or recorded, to show instead; of topics: the node's "
+            "namespace."
+        ),
     ] = None,
     device: DeviceOption = "cpu",
     precision: PrecisionOption = "auto",
@@ -46,20 +56,56 @@ def view(
     radar: RadarOption = None,
     every: Annotated[int, typer.Option(help="Show only every so many-th image.")] = 1,
     frames: Annotated[int | None, typer.Option(help="At most so many; a strip has 5 by default.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Of topics: end after so many; Ctrl-C ends it too.")] = None,
     width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 1920,
 ) -> None:
     """Shows a drive: the camera beside its dense and semi-dense depth, radar returns drawn in.
 
+    Of live topics each image is shown with the depth that a node publishes of it; it ends after 10 s of nothing, too.
+
+    With a node that runs: radcam-depth view topics --save out/live.mp4 --seconds 10
+
     Example: radcam-depth simulate out/shown --seed 7 --frames 20 && radcam-depth view out/shown --save out/shown.mp4
     """
     from radcam_depth_ros import viewing
-    from radcam_depth_ros.bags import BagReader
     from radcam_depth_ros.drive import DriveSettings
 
     settings = DriveSettings(image=image, radars=tuple(radar) if radar else None)
     options = viewing.ViewOptions(every, frames, width)
-    if depth is not None and (network is not None or model is not None):
-        raise viewing.ViewError("--depth shows the depth of a bag, --network and --model compute it; give one of them")
+    if network is not None or model is not None:
+        if depth is not None:
+            raise viewing.ViewError(
+                "--depth shows the depth of a bag, --network and --model compute it; give one of them"
+            )
+        if _is_live(bag):
+            raise viewing.ViewError(f"{_LIVE} shows the depth that a node publishes; leave --network and --model out")
+    if _is_live(bag):
+        shown = _view_live(save, settings, options, None if depth is None else str(depth), seconds)
+    elif seconds is not None:
+        raise viewing.ViewError(f"--seconds is for {_LIVE}, {bag} is a bag; give --frames")
+    else:
+        shown = _view_bag(bag, save, depth, settings, options, network, model, device, precision)
+    Console(stderr=True).print(f"{save}: {shown} pictures", markup=False, soft_wrap=True)
+
+
+def _is_live(bag: Path) -> bool:
+    return str(bag) == _LIVE and not bag.exists()
+
+
+def _view_bag(
+    bag: Path,
+    save: Path,
+    depth: Path | None,
+    settings: DriveSettings,
+    options: ViewOptions,
+    network: str | None,
+    model: Path | None,
+    device: str,
+    precision: str,
+) -> int:
+    from radcam_depth_ros import viewing
+    from radcam_depth_ros.bags import BagReader
+
     with ExitStack() as stack:
         recorded = stack.enter_context(BagReader(depth or bag))
         namespace = viewing.find_recorded_depth(recorded)
@@ -75,7 +121,31 @@ def view(
             estimate = load_estimator(network or _DEFAULT_NETWORK, model, device, precision).estimate
         bar = stack.enter_context(progress_bar())
         task = bar.add_task("drawing", total=None)
-        shown = viewing.view(
+        return viewing.view(
             bag, save, estimate, settings, options, lambda done, total: bar.update(task, completed=done, total=total)
         )
-    Console(stderr=True).print(f"{save}: {shown} pictures", markup=False, soft_wrap=True)
+
+
+def _view_live(
+    save: Path, settings: DriveSettings, options: ViewOptions, namespace: str | None, seconds: float | None
+) -> int:
+    from radcam_depth_ros import viewing
+
+    with needs_ros(f"view {_LIVE}"):
+        from radcam_depth_ros import listening
+    with listening.listener(listening.ListenOptions(seconds)) as source, progress_bar() as bar:
+        # Ctrl-C ends the listening, not the writing of what came.
+        before = signal.signal(signal.SIGINT, lambda *_: source.stop())
+        try:
+            task = bar.add_task("drawing", total=options.frames)
+            return viewing.view_live(
+                source,
+                save,
+                settings,
+                options,
+                namespace,
+                lambda shown: bar.update(task, completed=shown),
+                lambda sentence: bar.console.print(sentence, markup=False, soft_wrap=True),
+            )
+        finally:
+            signal.signal(signal.SIGINT, before)

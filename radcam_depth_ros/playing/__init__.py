@@ -1,9 +1,9 @@
 """Playing bags over DDS, where rosbag2 is not installed and where the demo has to hold messages back.
 
-This room imports rclpy; nothing but the demo and the verb `play`, when it runs, imports this room.
+This room imports rclpy; nothing but the demo, the room `listening`, and the verb `play` when it runs imports this room.
 """
 
-from radcam_depth_ros.playing.playback import Playback, PlaybackError, PlayOptions, Progress
+from radcam_depth_ros.playing.playback import Playback, PlaybackError, PlayOptions, Progress, ros_node, why_not
 from radcam_depth_ros.playing.player import (
     CLOCK_PERIOD_S,
     MAX_LEAD_NS,
@@ -24,4 +24,6 @@ __all__ = [
     "Player",
     "Progress",
     "message_class",
+    "ros_node",
+    "why_not",
 ]

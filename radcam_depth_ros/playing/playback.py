@@ -118,7 +118,7 @@ class Playback:
                 )
         if options.duration_s is not None:
             self._stop_ns = min(self._stop_ns, self._start_ns + round(options.duration_s * 1e9))
-        missing = {topic.type_name: reason for topic in chosen if (reason := _why_not(topic.type_name))}
+        missing = {topic.type_name: reason for topic in chosen if (reason := why_not(topic.type_name))}
         self.topics = tuple(_played(topic) for topic in chosen if topic.type_name not in missing)
         self.left_out = tuple(
             f"{', '.join(topic.name for topic in chosen if topic.type_name == name)} cannot be published: {reason}"
@@ -126,7 +126,7 @@ class Playback:
         )
         if not self.topics:
             raise PlaybackError("; ".join((f"nothing of {path} can be played", *self.left_out)))
-        if options.clock and (reason := _why_not(CLOCK_TYPE)):
+        if options.clock and (reason := why_not(CLOCK_TYPE)):
             raise PlaybackError(f"{CLOCK_TOPIC} cannot be published: {reason}, or play without it")
 
     @property
@@ -141,7 +141,7 @@ class Playback:
             progress: Called after each message.
         """
         options = self._options
-        with BagReader(self._path) as reader, _ros_node() as node:
+        with BagReader(self._path) as reader, ros_node(NODE_NAME) as node:
             player = Player(node, self.topics, options.rate, clock=options.clock)
             time.sleep(options.delay_s)
             for number in itertools.count(1):
@@ -169,8 +169,8 @@ def _played(topic: TopicInfo) -> PlayedTopic:
     return PlayedTopic(topic.name, topic.type_name, topic.reliable or topic.latched, topic.latched, depth)
 
 
-def _why_not(type_name: str) -> str:
-    """Why messages of a type cannot be published here; empty when they can."""
+def why_not(type_name: str) -> str:
+    """Why messages of a type can neither be published nor heard here; empty when they can."""
     package, _, name = type_name.partition("/")
     try:
         message_class(type_name)
@@ -182,12 +182,12 @@ def _why_not(type_name: str) -> str:
 
 
 @contextmanager
-def _ros_node() -> Iterator[Node]:
-    """A node that only publishes: it needs no executor."""
+def ros_node(name: str) -> Iterator[Node]:
+    """A node in a context of its own, without services; one that only publishes needs no executor."""
     context = Context()
     # Ctrl-C is Python's own here: rclpy's handler would end the context under the publishers' feet.
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = Node(NODE_NAME, context=context, start_parameter_services=False, enable_rosout=False)
+    node = Node(name, context=context, start_parameter_services=False, enable_rosout=False)
     try:
         yield node
     finally:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,13 +10,14 @@ import numpy as np
 
 from radcam_depth_ros.bags import BagReader, SensorTopics
 from radcam_depth_ros.drive import DriveSettings, motion_topics, prime
-from radcam_depth_ros.frame import DepthResult, Frame
+from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
 from radcam_depth_ros.intake import Intake
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
 from radcam_depth_ros.viewing.picture import SMALLEST_WIDTH, ViewError, draw_picture
+from radcam_depth_ros.viewing.recorded import StoredMessage
 
 STRIP_FRAMES = 5
-_RATES_HZ = (1.0, 120.0)
+RATES_HZ = (1.0, 120.0)
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def view(
         seconds = reader.duration_ns / 1e9
         rate_hz = (images - 1) / seconds / options.every if seconds > 0 else 1.0
         shown = looked_at = 0
-        with output(target, float(np.clip(rate_hz, *_RATES_HZ))) as add:
+        with output(target, float(np.clip(rate_hz, *RATES_HZ))) as add:
             for index, frame in enumerate(_frames(reader, topics, settings)):
                 if index not in picks:
                     continue
@@ -102,8 +103,31 @@ def _frames(reader: BagReader, topics: SensorTopics, settings: DriveSettings) ->
     intake = Intake(settings.intake(topics))
     prime(reader, intake, topics)
     moving = motion_topics(topics, intake.config)
-    for message in reader.messages({topics.image, topics.camera_info, *topics.radars, *moving}):
-        yield from intake.expire(message.log_time_ns)
-        topic = moving.get(message.topic, message.topic)
-        yield from intake.accept(topic, message.message, message.log_time_ns)
+    yield from accepted(reader.messages({topics.image, topics.camera_info, *topics.radars, *moving}), intake, moving)
     yield from intake.flush()
+
+
+def accepted(
+    messages: Iterable[StoredMessage],
+    intake: Intake,
+    names: Mapping[str, str],
+    refused: Callable[[RadcamDepthError], None] | None = None,
+) -> Iterator[Frame]:
+    """The frames that messages make.
+
+    Args:
+        messages: As they came.
+        intake: Takes them.
+        names: What it calls a topic, where that differs.
+        refused: Told of what cannot be used; by default that is raised.
+    """
+    for message in messages:
+        try:
+            frames = intake.expire(message.log_time_ns)
+            frames += intake.accept(names.get(message.topic, message.topic), message.message, message.log_time_ns)
+        except RadcamDepthError as error:
+            if refused is None:
+                raise
+            refused(error)
+            continue
+        yield from frames

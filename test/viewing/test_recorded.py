@@ -1,13 +1,14 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
 from small_drive import CAMERA, PERIOD_NS, START_NS
 
-from radcam_depth_ros.bags import BagReader, BagWriter, factory
+from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.drive import read_samples
 from radcam_depth_ros.messages import encode_camera_info, encode_confidence, encode_depth
 from radcam_depth_ros.viewing import RecordedDepth, find_recorded_depth
@@ -67,3 +68,28 @@ def test_a_bag_without_depth_has_none(write_drive: Callable[..., Path], tmp_path
         assert find_recorded_depth(reader) is None
     with BagReader(write_recording(tmp_path / "depth.mcap", {0: 5.0}, topics=ALL[:1])) as reader:
         assert find_recorded_depth(reader) is None
+
+
+class Looped:
+    """A recording that is heard again and again."""
+
+    def __init__(self, reader: BagReader) -> None:
+        self._reader, self.topics = reader, reader.topics
+
+    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        return chain.from_iterable(self._reader.messages(topics) for _ in range(3))
+
+
+@pytest.mark.parametrize("last", [16, 17])
+def test_live_stamps_may_begin_anew(write_drive: Callable[..., Path], tmp_path: Path, last: int) -> None:
+    """Also where the last image of a round had no depth, and where depth came that had no image."""
+    frames = [sample.frame for sample in read_samples(write_drive(tmp_path / "drive.mcap", frames=17))]
+    recording = write_recording(tmp_path / "depth.mcap", {0: 5.0, 1: 5.5, 2: 6.0, last: 7.0})
+    with BagReader(recording) as reader:
+        predict = RecordedDepth(Looped(reader), is_live=True).predict
+        shown = [predict(frame) for _ in range(3) for frame in frames]
+    depths_m = [None if result is None else float(result.dense[0, 0]) for result in shown]
+    assert depths_m[:3] == [5.0, 5.5, 6.0]
+    assert depths_m[16] == (7.0 if last == 16 else None)
+    for first in (17, 34):
+        assert depths_m[first + 1 : first + 3] == [5.5, 6.0]

@@ -1,0 +1,134 @@
+"""What a running node makes of live topics, as pictures."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from radcam_depth_ros.bags import BagError, SensorTopics, find_topics
+from radcam_depth_ros.bags.topics import TopicChooser
+from radcam_depth_ros.drive import DriveSettings, motion_topics
+from radcam_depth_ros.frame import ImageArray, RadcamDepthError
+from radcam_depth_ros.intake import TRANSFORM_TOPICS, Intake
+from radcam_depth_ros.viewing.output import STRIP, check_target, output
+from radcam_depth_ros.viewing.picture import ViewError, draw_picture
+from radcam_depth_ros.viewing.recorded import RecordedDepth, Source, find_recorded_depth
+from radcam_depth_ros.viewing.view import RATES_HZ, STRIP_FRAMES, ViewOptions, accepted
+
+FoundT = TypeVar("FoundT")
+_DOMAIN = "the ROS domain"
+_TIMED_PICTURES = 5
+"""The rate of a video is that of so many first pictures."""
+
+
+class LiveSource(Source, Protocol):
+    """Live topics."""
+
+    def find(self, find: Callable[[], FoundT]) -> FoundT:
+        """What is found once it can be; the last RadcamDepthError where it cannot."""
+
+    def describe(self, topics: Collection[str]) -> str:
+        """What came on some topics, for a sentence."""
+
+    def stop(self) -> None:
+        """Ends all that is read."""
+
+
+def view_live(
+    source: LiveSource,
+    target: Path | str,
+    settings: DriveSettings | None = None,
+    options: ViewOptions | None = None,
+    namespace: str | None = None,
+    progress: Callable[[int], None] = lambda shown: None,
+    tell: Callable[[str], None] = lambda sentence: None,
+) -> int:
+    """Draws what a node publishes, beside the images that it is of, until the source ends.
+
+    Args:
+        source: The live topics.
+        target: A video (.mp4), a strip of the first frames below one another (.png), or a folder to make.
+        settings: Which topics are the camera and the radars.
+        options: Which frames; of those that have depth.
+        namespace: Of the node's topics; by default where its depth is found.
+        progress: Called with the number of pictures so far.
+        tell: Told, in a sentence each, what is left out of the pictures.
+
+    Returns:
+        The number of pictures.
+
+    Raises:
+        RadcamDepthError: when the topics are not there, nothing comes on them, or the target cannot be written.
+    """
+    target, settings, options = Path(target), settings or DriveSettings(), options or ViewOptions()
+    check_target(target)
+    topics, place = source.find(lambda: _find(source, settings, namespace))
+    if not topics.radars:
+        tell(f"radar returns are not drawn: radars with {TRANSFORM_TOPICS[0]} were not found")
+    refused: list[RadcamDepthError] = []
+    depth = RecordedDepth(source, place, is_live=True)
+    numbered = enumerate(_pictures(source, depth, topics, settings, options, refused.append), 1)
+    pictures = itertools.islice(numbered, options.frames or (STRIP_FRAMES if target.suffix == STRIP else None))
+    first = list(itertools.islice(pictures, _TIMED_PICTURES))
+    if not first:
+        raise ViewError(
+            f"no image came with depth: {source.describe((topics.image, topics.camera_info, *depth.topics))}"
+            f"{f'; {refused[-1]}' if refused else ''}; see whether the node is active, and /diagnostics"
+        )
+    gaps_s = np.diff([stamp_ns for _, (stamp_ns, _) in first]) / 1e9
+    forward_s = gaps_s[gaps_s > 0]  # not those of stamps that begin anew
+    rate_hz = 1 / float(np.median(forward_s)) if forward_s.size else 1.0
+    shown = 0
+    with output(target, float(np.clip(rate_hz, *RATES_HZ))) as add:
+        for shown, (_, picture) in itertools.chain(first, pictures):
+            add(picture)
+            progress(shown)
+    return shown
+
+
+def _find(source: LiveSource, settings: DriveSettings, namespace: str | None) -> tuple[SensorTopics, str]:
+    """Camera and radars, and where the depth is."""
+    wanted = None if namespace is None else f"/{namespace.strip('/')}/".replace("//", "/")
+    found = find_recorded_depth(source, wanted)
+    if found is None:
+        place = wanted or "any namespace"
+        raise ViewError(
+            f"no node publishes depth/image_rect and depth/camera_info in {place}; start and activate it, or see that "
+            f"both have one ROS_DOMAIN_ID. There is {', '.join(topic.name for topic in source.topics) or 'nothing'}"
+        )
+    chooser = TopicChooser(source.topics, _DOMAIN)
+    radars = settings.radars
+    if not chooser.find_transforms("tf_static"):
+        radars = ()
+    elif radars is None:
+        try:
+            radars = chooser.find_radars()
+        except BagError:
+            radars = ()
+    topics = find_topics(
+        source.topics, image=settings.image, camera_info=settings.camera_info, radars=radars, of=_DOMAIN
+    )
+    return replace(topics, odometry=None), found
+
+
+def _pictures(
+    source: LiveSource,
+    depth: RecordedDepth,
+    topics: SensorTopics,
+    settings: DriveSettings,
+    options: ViewOptions,
+    refused: Callable[[RadcamDepthError], None],
+) -> Iterator[tuple[int, ImageArray]]:
+    """Stamp (ns) and picture of the frames that have depth."""
+    intake = Intake(settings.intake(topics))
+    names = motion_topics(topics, intake.config) | ({topics.tf_static: TRANSFORM_TOPICS[0]} if topics.tf_static else {})
+    messages = source.messages({topics.image, topics.camera_info, *topics.radars, *names})
+    results = ((frame, depth.predict(frame)) for frame in accepted(messages, intake, names, refused))
+    complete = ((frame, result) for frame, result in results if result is not None)
+    for frame, result in itertools.islice(complete, 0, None, options.every):
+        yield frame.stamp_ns, draw_picture(frame, result, options.width)

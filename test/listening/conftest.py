@@ -1,0 +1,5 @@
+"""Skipped where there is no ROS."""
+
+import pytest
+
+pytest.importorskip("rclpy")
