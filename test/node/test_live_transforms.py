@@ -1,4 +1,4 @@
-"""Extrinsics over `/tf_static`, where tf2_msgs is installed: on a vehicle, but not from PyPI."""
+"""Extrinsics over `/tf_static` and `/tf`, live."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy
+from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import StampedTransform, encode_transforms
 from radcam_depth_ros.node.factory import build_message
 
-pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed")
+require_tf2_msgs()
 
 TFMESSAGE = "tf2_msgs/msg/TFMessage"
 CAMERA_FROM_BASE = RigidTransform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))
