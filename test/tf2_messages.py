@@ -1,4 +1,4 @@
-"""Whether tf2_msgs is there, which the ROS 2 wheels lack: `make test` generates it, or leaves a sentence that says why not."""
+"""The message of /tf, which the ROS 2 wheels lack: `make test` generates it, or leaves a sentence that says why not."""
 
 from __future__ import annotations
 

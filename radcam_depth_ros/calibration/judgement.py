@@ -125,6 +125,8 @@ def judge(
         sentence = f"the points fit as well {' or '.join(grave[:3])}{hint}; look at the pictures"
         return report(UNKNOWN, sentence, undecided)
     sentence = f"no turn of 90 degrees and no flip fits as well (judged by {', '.join(told)})"
+    if undecided:
+        sentence += f", but for one: it is unknown whether the points belong {' or '.join(undecided)}"
     return report(OK, sentence, undecided)
 
 

@@ -139,7 +139,7 @@ def _transforms() -> tuple[Input, Input]:
             TRANSFORM_TYPE,
             100,
             is_latched=True,
-            otherwise="start robot_state_publisher or static_transform_publisher, or set the parameter camera_from_radar",
+            otherwise="start robot_state_publisher or static_transform_publisher, or set camera_from_radar",
         ),
         Input(
             "moving transforms",

@@ -94,7 +94,6 @@ class Watchdog:
     def _heard(self, source: Input) -> bool:
         return self._session.rates[source.part].count > 0
 
-
     def _reason(self, source: Input) -> str:
         publishers = self._graph.publishers(source, self._session.qos(source))
         what = f"{source.type_name} on {source.topic} ({publishers})"

@@ -120,6 +120,14 @@ def test_left_and_right_are_unknown_where_nothing_tells(simulated: Recording) ->
     assert "LiDAR" in report.sentence
 
 
+def test_up_and_down_are_unknown_where_the_elevation_is_poor(simulated: Recording) -> None:
+    true = simulated.radars[0].camera_from_radar
+    for pose in (true, Pose(true.matrix @ flip(2), true.translation_m)):
+        report = report_of(simulated, pose)
+        assert (report.verdict, report.undecided) == ("OK", ("with z flipped",))
+        assert "unknown whether the points belong with z flipped" in report.sentence
+
+
 def test_a_yaw_of_some_degrees_is_measured_by_doppler(posts: Recording) -> None:
     blind = without_lidar(posts)
     turn = np.deg2rad(4.0)
