@@ -27,7 +27,7 @@ demo: .venv/installed ## a drive through the live node, with a report [BAG=path]
 	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)") $(if $(MODEL),--model "$(MODEL)")
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
-test: .venv/installed ## all tests, two at a time [PYTEST_ARGS="test/node -k life"]
+test: .venv/installed .venv/tf2_msgs.installed ## all tests, two at a time [PYTEST_ARGS="test/node -k life"]
 ifdef PYTEST_ARGS
 	@.venv/bin/python -m pytest $(PYTEST_ARGS)
 else
@@ -52,3 +52,6 @@ clean: ## remove what was built, made and measured here, .venv included
 
 .venv/installed: setup.py setup.cfg constraints.txt scripts/make_venv
 	@scripts/make_venv
+
+.venv/tf2_msgs.installed: .venv/installed scripts/make_tf2_msgs $(wildcard scripts/tf2_msgs/* scripts/tf2_msgs/msg/*)
+	@scripts/make_tf2_msgs

@@ -1,5 +1,7 @@
 """A recorded drive through the node: ros2 launch radcam_depth_ros replay.launch.py bag:=drive.mcap image:=... ."""
 
+from importlib.util import find_spec
+
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import (
     DeclareLaunchArgument,
@@ -13,7 +15,7 @@ from launch.actions import (
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.event_handlers import OnStateTransition
-from launch_ros.substitutions import FindPackageShare
+from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 
 PACKAGE = "radcam_depth_ros"
 # Arguments of depth.launch.py that a replay passes on, with their defaults there.
@@ -33,11 +35,19 @@ PASSED_ON = {
 }
 
 
+ROS2, OWN = "ros2", "radcam-depth"
+"""Players: `ros2 bag play`, and the package's own, which needs no rosbag2."""
+
+
 def player(context: LaunchContext) -> ExecuteProcess:
-    """`ros2 bag play` with the arguments' values."""
-    given = {name: LaunchConfiguration(name).perform(context) for name in ("bag", "rate", "start_offset", "loop")}
-    command = ["ros2", "bag", "play", given["bag"], "--clock", "--rate", given["rate"]]
-    command += ["--start-offset", given["start_offset"]]
+    """The player with the arguments' values."""
+    names = ("player", "bag", "rate", "start_offset", "loop")
+    given = {name: LaunchConfiguration(name).perform(context) for name in names}
+    if given["player"] == ROS2:
+        command, start = ["ros2", "bag", "play"], "--start-offset"
+    else:
+        command, start = [ExecutableInPackage(package=PACKAGE, executable="radcam-depth"), "play"], "--start"
+    command += [given["bag"], "--clock", "--rate", given["rate"], start, given["start_offset"]]
     command += ["--loop"] if given["loop"] == "true" else []
     return ExecuteProcess(cmd=command, output="screen")
 
@@ -62,6 +72,12 @@ def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` asks for."""
     arguments = [
         DeclareLaunchArgument("bag", description="Rosbag2 folder or .mcap file."),
+        DeclareLaunchArgument(
+            "player",
+            default_value=ROS2 if find_spec("ros2bag") else OWN,
+            choices=(ROS2, OWN),
+            description="ros2 is `ros2 bag play`; radcam-depth the package's own, which needs no rosbag2.",
+        ),
         DeclareLaunchArgument("rate", default_value="1.0", description="How fast to play: 0.5 is half as fast."),
         DeclareLaunchArgument(
             "start_offset", default_value="0.0", description="Seconds to leave out at the beginning."

@@ -119,12 +119,15 @@ def judge(
         for placement, mean in zip(placements, means, strict=True)
         if placement.kind == "coarse" and mean > means[0] - MARGIN
     )
-    grave = [name for name in undecided if name not in _HARMLESS]
+    better = {placement.name for placement, mean in zip(placements, means, strict=True) if mean > means[0] + MARGIN}
+    grave = [name for name in undecided if name not in _HARMLESS or name in better]
     if grave:
         hint = f"; a bag with {' or '.join(would_tell)} would tell" if would_tell else ""
-        sentence = f"the points fit as well {' or '.join(grave[:3])}{hint}; look at the pictures"
+        sentence = f"the points fit as well or better {' or '.join(grave[:3])}{hint}; look at the pictures"
         return report(UNKNOWN, sentence, undecided)
     sentence = f"no turn of 90 degrees and no flip fits as well (judged by {', '.join(told)})"
+    if undecided:
+        sentence += f", but for one: it is unknown whether the points belong {' or '.join(undecided)}"
     return report(OK, sentence, undecided)
 
 

@@ -14,6 +14,7 @@ from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.calibration.image_motion import ImageMotion
 from radcam_depth_ros.calibration.own_motion import OwnMotion, own_motion
 from radcam_depth_ros.calibration.placements import Pose
+from radcam_depth_ros.calibration.signals import Signal
 from radcam_depth_ros.drive import DriveSettings, prime
 from radcam_depth_ros.frame import FloatArray, Frame, RadcamDepthError
 from radcam_depth_ros.geometry import GeometryError, RigidTransform
@@ -96,7 +97,7 @@ class Recording:
         camera_from_lidar: The LiDAR's place; None where there is none.
         base_from_camera: From the camera to the frame whose motion is known; None where it is not.
         motion: The vehicle's.
-        image_motion: How the images moved.
+        image_yaw_rate: How fast the camera turned, by the images: rad/s to the left.
     """
 
     topics: SensorTopics
@@ -107,7 +108,7 @@ class Recording:
     camera_from_lidar: Pose | None
     base_from_camera: RigidTransform | None
     motion: Motion
-    image_motion: ImageMotion
+    image_yaw_rate: Signal
 
 
 def read_recording(
@@ -247,7 +248,7 @@ class _Reading:
             lidar,
             base_from_camera,
             motion,
-            self._image_motion,
+            self._image_motion.yaw_rate,
         )
 
     def _radar(self, index: int, camera_frame: str) -> Radar:

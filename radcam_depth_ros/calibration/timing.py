@@ -39,7 +39,7 @@ def judge_times(recording: Recording, offsets_s: Sequence[float]) -> tuple[TimeR
     yaw_rate = Signal.of(
         [step.time_s for step in steps], [_yaw(step.moved.rotation) / step.elapsed_s for step in steps]
     )
-    camera = estimate_shift(recording.image_motion.yaw_rate, yaw_rate, _IMAGE_ERROR_S)
+    camera = estimate_shift(recording.image_yaw_rate, yaw_rate, _IMAGE_ERROR_S)
     return tuple(
         _judge(recording, radar, offset_s, steps, camera)
         for radar, offset_s in zip(recording.radars, offsets_s, strict=True)
@@ -64,7 +64,7 @@ def _judge(recording: Recording, radar: Radar, offset_s: float, steps: Sequence[
     own_speed = Signal.of(times_s, [math.nan if own is None else own.speed_mps for own in radar.own_motions])
     by_speed = estimate_shift(own_speed, _speed(recording, radar, steps))
     facts.append(_facts("radar to odometry, by speed", by_speed))
-    by_turn = estimate_shift(_sideways(recording, radar, times_s), recording.image_motion.yaw_rate, _IMAGE_ERROR_S)
+    by_turn = estimate_shift(_sideways(recording, radar, times_s), recording.image_yaw_rate, _IMAGE_ERROR_S)
     facts.append(_facts("radar to camera, by turning", by_turn))
     facts.append(_facts("camera to odometry, by turning", camera))
     found: list[tuple[float, float]] = []

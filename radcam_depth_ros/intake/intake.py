@@ -91,6 +91,11 @@ class Intake:
         return self._calibration.camera if self._calibration else None
 
     @property
+    def odometry_problem(self) -> str:
+        """What is wrong with the last odometry, though it could be read; empty where nothing is."""
+        return self._motion.frame_problem if self._motion is not None else ""
+
+    @property
     def counts(self) -> PairingCounts:
         """What was paired so far."""
         return self._pairer.counts

@@ -108,6 +108,11 @@ class IntakeConfig:
         """Whether returns are moved to the image's time, for which the vehicle's motion must be known."""
         return bool(self.radars) and (self.radar_motion_compensation or self.pairing.radar_sweeps > 1)
 
+    @property
+    def needs_transforms(self) -> bool:
+        """Whether `/tf_static` or `/tf` must tell where the radars are."""
+        return bool(self.radars) and not self.camera_from_radar
+
     def field_aliases(self) -> tuple[FieldAliases, ...]:
         """The names of each radar's fields.
 

@@ -11,6 +11,8 @@ from radcam_depth_ros.messages import StampedTransform, decode_odometry, decode_
 from radcam_depth_ros.motion.links import EVERYTHING, Memory, MovingLinks
 
 _SECOND = 1_000_000_000
+_CONVINCING = 5
+"""So many messages of another frame in a row, and it is theirs that counts: the first one was wrong."""
 
 
 class MotionError(RadcamDepthError):
@@ -32,6 +34,7 @@ class Motion:
 
     Attributes:
         base_frame: The frame whose poses these are; None until the first came.
+        frame_problem: What is wrong with the frame of the last odometry; empty where that is `base_frame` as before.
     """
 
     def __init__(
@@ -47,6 +50,8 @@ class Motion:
         self.topic = topic
         self.anchor = anchor
         self.base_frame: str | None = anchor if odom_frame else None
+        self.frame_problem = ""
+        self._others: list[str] = []  # frames of the last messages, as far back as they are not the base's
         self._is_odometry, self._transforms = is_odometry, transforms
         self._odom_frame = odom_frame.lstrip("/")
         self._links = MovingLinks(memory)
@@ -66,6 +71,7 @@ class Motion:
                 f"the odometry on {self.topic!r} has an empty child_frame_id, so nobody can tell which frame it moves; "
                 "set it in the driver, or name another topic"
             )
+        self._judge_frame(reading.child_frame_id)
         self._add_base(reading.frame_id, reading.child_frame_id, reading.stamp_ns, reading.pose)
 
     def accept_links(self, links: Iterable[StampedTransform]) -> None:
@@ -132,6 +138,24 @@ class Motion:
                 return ()
             frame = link[0]
         return tuple(frames)
+
+    def _judge_frame(self, frame: str) -> None:
+        """Lets go of the frame of the first messages where those that follow are all of another one."""
+        if self.base_frame in (None, frame):
+            self.frame_problem = ""
+            self._others.clear()
+            return
+        self.frame_problem = (
+            f"expected odometry of one frame on {self.topic}, got child_frame_id {frame!r} after {self.base_frame!r}; "
+            f"the one that comes {_CONVINCING} times in a row counts; look for a second publisher, or mend the driver"
+        )
+        if self._others and self._others[-1] != frame:
+            self._others.clear()
+        self._others.append(frame)
+        if len(self._others) == _CONVINCING:
+            self._others.clear()
+            self._links.clear()
+            self.base_frame = frame
 
     def _add_base(self, parent: str, frame: str, time_ns: int, pose: RigidTransform) -> None:
         if self.base_frame is None:

@@ -228,12 +228,22 @@ class RadcamDepthNode(LifecycleNode):
 
     def _report_transform_messages(self, inputs: Inputs) -> None:
         config = self._config
-        if config and not inputs.transforms and inputs.radars and not config.pipeline.camera_from_radar:
+        if config is None or inputs.transforms:
+            return
+        missing = "tf2_msgs is not installed, so"
+        if config.pipeline.needs_transforms:
             self._problems.report(
                 "transforms",
                 Level.ERROR,
-                "tf2_msgs is not installed, so /tf_static cannot be read and nobody knows where the radar is: install "
-                "it (ros-jazzy-tf2-msgs), or set the parameter camera_from_radar (x y z qx qy qz qw)",
+                f"{missing} /tf_static cannot be read and nobody knows where the radar is: install it "
+                "(ros-jazzy-tf2-msgs), or set the parameter camera_from_radar (x y z qx qy qz qw)",
+            )
+        if config.pipeline.moves_radar and not config.pipeline.odometry:
+            self._problems.report(
+                "moving transforms",
+                Level.WARN,
+                f"{missing} /tf cannot be read and nobody knows how the vehicle moves: install it "
+                "(ros-jazzy-tf2-msgs), or set the parameter odometry_topic",
             )
 
     def _on_start(self) -> None:

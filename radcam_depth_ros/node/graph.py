@@ -83,13 +83,16 @@ class Graph:
 
     def _where_else(self, source: Input, beside: str) -> str:
         nearest = self.nearest(source.topic, source.type_name, beside)
-        if nearest is not None:
-            return f"; of this type there is {nearest}: set {source.parameter} to it, or remap {source.topic}"
+        # Where the name is fixed, it tells what is on it: /tf and /tf_static are of one type.
+        is_fit = source.parameter or (nearest or "").rpartition("/")[2] == source.topic.rpartition("/")[2]
+        if nearest is not None and is_fit:
+            name = f"set {source.parameter} to it, or " if source.parameter else ""
+            return f"; of this type there is {nearest}: {name}remap {source.topic}{'' if name else ' to it'}"
         for other in _other_image_types(source):
             nearest = self.nearest(source.topic, other)
             if nearest is not None:
                 return f", but {nearest} is {other}: {_other_type(source, nearest, other)}"
-        return ", nor anything else of this type: start the driver, and see that both have one ROS_DOMAIN_ID"
+        return f", nor anything else of this type: {source.otherwise}, and see that both have one ROS_DOMAIN_ID"
 
 
 def mismatches(offered: QoSProfile, asked: QoSProfile) -> tuple[tuple[str, str], ...]:
@@ -120,7 +123,8 @@ def _other_image_types(source: Input) -> tuple[str, ...]:
 def _other_type(source: Input, topic: str, type_name: str) -> str:
     """What to do where a topic has another type than an input."""
     if type_name not in _other_image_types(source):
-        return f"set {source.parameter} to a topic of {source.type_name}"
+        what = f"set {source.parameter}" if source.parameter else f"remap {source.topic}"
+        return f"{what} to a topic of {source.type_name}"
     (transport,) = (name for name, image_type in IMAGE_TYPES.items() if image_type == type_name)
     if transport == COMPRESSED and not topic.endswith(COMPRESSED_SUFFIX):
         transport = "compressed_topic"

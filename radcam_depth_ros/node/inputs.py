@@ -38,6 +38,7 @@ class Input:
         depth: How many messages wait at most.
         is_latched: The last message is wanted even if it came before the node.
         parameter: The one that names the topic; empty where its name is fixed.
+        otherwise: What to do where nothing publishes its type.
     """
 
     part: str
@@ -46,6 +47,7 @@ class Input:
     depth: int
     is_latched: bool = False
     parameter: str = ""
+    otherwise: str = "start the driver"
 
     @property
     def qos(self) -> QoSProfile:
@@ -67,6 +69,8 @@ class Inputs:
         radars: The radars' clouds, in the order of the parameter.
         transforms: `/tf_static` and `/tf`; empty where tf2_msgs is not installed.
         odometry: How the vehicle moves; None where it is not needed, or /tf tells.
+        motion: What tells how the vehicle moves, odometry or `/tf`; None where it is not needed.
+        extrinsics: `/tf_static`, where it tells where the radars are; None where parameters do.
     """
 
     camera: Input
@@ -74,6 +78,8 @@ class Inputs:
     radars: tuple[Input, ...]
     transforms: tuple[Input, ...]
     odometry: Input | None = None
+    motion: Input | None = None
+    extrinsics: Input | None = None
 
     def __iter__(self) -> Any:
         moving = () if self.odometry is None else (self.odometry,)
@@ -92,7 +98,18 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
         image = _full_name(node, image.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX)
     image_type = IMAGE_TYPES.get(transport, IMAGE_TYPES[COMPRESSED])
     radars = tuple(_full_name(node, topic) for topic in config.pipeline.radars)
-    static, dynamic = TRANSFORM_TOPICS
+    static, dynamic = _transforms()
+    pipeline, has_messages = config.pipeline, has_transform_messages()
+    odometry = None
+    if pipeline.moves_radar and pipeline.odometry:
+        odometry = Input(
+            "odometry",
+            _full_name(node, pipeline.odometry),
+            ODOMETRY_TYPE,
+            50,
+            parameter="odometry_topic",
+            otherwise="start what computes the vehicle's odometry, or set odometry_topic to an empty text to take /tf",
+        )
     return Inputs(
         camera=Input("camera", image, image_type, 2, parameter="image_topic"),
         camera_info=Input(
@@ -106,17 +123,31 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
             Input(f"radar {topic}", topic, "sensor_msgs/msg/PointCloud2", 10, parameter="radar_topics")
             for topic in radars
         ),
-        transforms=(
-            Input("transforms", static, TRANSFORM_TYPE, 100, is_latched=True),
-            Input("transforms", dynamic, TRANSFORM_TYPE, 100),
-        )
-        if has_transform_messages()
-        else (),
-        odometry=Input(
-            "odometry", _full_name(node, config.pipeline.odometry), ODOMETRY_TYPE, 50, parameter="odometry_topic"
-        )
-        if config.pipeline.moves_radar and config.pipeline.odometry
-        else None,
+        transforms=(static, dynamic) if has_messages else (),
+        odometry=odometry,
+        extrinsics=static if has_messages and pipeline.needs_transforms else None,
+        motion=odometry or (dynamic if has_messages and pipeline.moves_radar else None),
+    )
+
+
+def _transforms() -> tuple[Input, Input]:
+    static, dynamic = TRANSFORM_TOPICS
+    return (
+        Input(
+            "transforms",
+            static,
+            TRANSFORM_TYPE,
+            100,
+            is_latched=True,
+            otherwise="start robot_state_publisher or static_transform_publisher, or set camera_from_radar",
+        ),
+        Input(
+            "moving transforms",
+            dynamic,
+            TRANSFORM_TYPE,
+            100,
+            otherwise="start what publishes odom_frame on it, or set odometry_topic",
+        ),
     )
 
 

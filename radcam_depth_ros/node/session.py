@@ -179,7 +179,9 @@ class Session:
             )
             return
         dropped = self.pipeline.dropped_returns.get(source.topic, 0)
-        if dropped:
+        if source is self.inputs.odometry and self.pipeline.odometry_problem:
+            self._problems.report(source.part, Level.WARN, self.pipeline.odometry_problem)
+        elif dropped:
             self._problems.report(
                 source.part,
                 Level.WARN,

@@ -48,7 +48,7 @@ class Vitals:
         return (
             self._sensor(inputs.camera, Level.ERROR),
             *(self._sensor(radar, Level.WARN) for radar in inputs.radars),
-            *((self._sensor(inputs.odometry, Level.WARN),) if inputs.odometry else ()),
+            *((self._sensor(inputs.motion, Level.WARN),) if inputs.motion else ()),
             self._calibration(),
             self._pairing(),
             self._inference(),
@@ -98,7 +98,7 @@ class Vitals:
     def _calibration(self) -> Status:
         session = self._session
         parts, info, camera = (
-            ("camera_info", "transforms", "frame"),
+            ("camera_info", "transforms", "moving transforms", "frame"),
             session.inputs.camera_info,
             session.pipeline.camera,
         )
@@ -107,9 +107,12 @@ class Vitals:
             ("frames", " ".join(session.pipeline.transforms.frames)),
             *self._problems.history(*parts),
         )
-        problem = self._problems.tell(*parts)
+        problem, extrinsics = self._problems.tell(*parts), session.inputs.extrinsics
         if problem:
-            return Status("calibration", *problem, values)
+            level, sentence = problem
+            if extrinsics and not self._problems.peek(extrinsics.part) and self.watchdog.lacks(extrinsics):
+                sentence += f"; {self.watchdog.why_silent(extrinsics)}"
+            return Status("calibration", level, sentence, values)
         if camera is None:
             sentence = f"expected {info.type_name} on {info.topic}, got none yet; {self.watchdog.why_silent(info)}"
             return Status("calibration", Level.ERROR, sentence, values)

@@ -15,7 +15,7 @@ SILENCE_S = 2.0
 """A sensor that was silent for longer is reported."""
 NO_OUTPUT_S = 5.0
 """After this time without depth one line in the log says what is missing."""
-_ELSEWHERE = ("transforms", "frame", "clocks", "stamps", "inference", "view")
+_ELSEWHERE = ("transforms", "moving transforms", "frame", "clocks", "stamps", "inference", "view")
 """Parts whose problems keep depth from coming though all sensors are heard."""
 
 
@@ -45,18 +45,33 @@ class Watchdog:
         beside = inputs.camera.topic if source is inputs.camera_info and self._heard(inputs.camera) else ""
         return self._graph.remedy(source, self._session.qos(source), beside)
 
+    def lacks(self, source: Input) -> bool:
+        """Whether nothing comes of an input, or nothing that can be used."""
+        inputs = self._session.inputs
+        if self._problems.peek(source.part):
+            return True
+        if source is inputs.extrinsics:
+            # What is fixed may come on /tf as well, as some drivers have it.
+            return not any(self._heard(transforms) for transforms in inputs.transforms)
+        if source is inputs.camera_info:
+            return not self._heard(source)
+        return not self._heard(source) or self.silence_s(source) is not None
+
     def trouble(self) -> str:
         """Says that no depth came out for long, and why; empty while depth comes, or may still come."""
         session, silent_s = self._session, self._since_s(self._session.frames_out)
         if silent_s <= NO_OUTPUT_S:
             return ""
-        sensors = (session.inputs.camera, session.inputs.camera_info, *session.inputs.radars)
-        lacking = [source for source in sensors if self._lacks(source)]
+        inputs = session.inputs
+        needed = (inputs.camera, inputs.camera_info, *inputs.radars, inputs.extrinsics, inputs.motion)
+        lacking = [source for source in needed if source is not None and self.lacks(source)]
         reasons = [self._reason(source) for source in lacking]
+        told = {source.part for source in lacking}
+        if inputs.camera_info in lacking or inputs.extrinsics in lacking:
+            told.add("frame")  # Without them there is none, which is said better above.
         for part in _ELSEWHERE:
             problem = self._problems.peek(part)
-            # Without camera_info there is no frame, which is said better above.
-            if problem and not (part == "frame" and session.inputs.camera_info in lacking):
+            if problem and part not in told:
                 reasons.append(f"{part}: {problem}")
         busy_since_ns = session.busy_since_ns
         if busy_since_ns is not None and not reasons:
@@ -78,12 +93,6 @@ class Watchdog:
 
     def _heard(self, source: Input) -> bool:
         return self._session.rates[source.part].count > 0
-
-    def _lacks(self, source: Input) -> bool:
-        is_needed_once = source is self._session.inputs.camera_info
-        if self._problems.peek(source.part) or not self._heard(source):
-            return True
-        return self.silence_s(source) is not None and not is_needed_once
 
     def _reason(self, source: Input) -> str:
         publishers = self._graph.publishers(source, self._session.qos(source))

@@ -62,15 +62,12 @@ class ParameterSpec:
     @property
     def type(self) -> Parameter.Type:
         """The ROS type, of the field's type; that of a single value where a list of them is allowed as well."""
-        return _TYPES[self._field_type()]
+        return _TYPES[_field_type(self.path)]
 
     @property
     def is_for_each_radar(self) -> bool:
         """Whether it is one value for all radars or a list with one for each."""
-        return self._field_type() in _FOR_EACH_RADAR
-
-    def _field_type(self) -> Any:
-        return _type_at(self.path)
+        return _field_type(self.path) in _FOR_EACH_RADAR
 
     def descriptor(self) -> ParameterDescriptor:
         """Its description, range and choices for ROS tools."""
@@ -114,8 +111,8 @@ class ParameterSpec:
 
 
 @functools.cache
-def _type_at(path: str) -> Any:
-    """The type of a field of `NodeConfig`; finding it takes far longer than what is done with it."""
+def _field_type(path: str) -> Any:
+    """The type of a field of `NodeConfig`; reading annotations takes a millisecond a class."""
     *owners, name = path.split(".")
     owner: Any = NodeConfig
     for step in owners:

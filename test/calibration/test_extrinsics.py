@@ -7,7 +7,7 @@ import pytest
 from calibration_drive import CAMERA_FROM_LIDAR, CAMERA_FROM_RADAR
 
 from radcam_depth_ros.calibration import SensorReport
-from radcam_depth_ros.calibration.evidence import LIDAR_PARTS, Evidence, lidar_parts
+from radcam_depth_ros.calibration.evidence import LIDAR_PARTS, PARTS, Evidence, lidar_parts
 from radcam_depth_ros.calibration.judgement import judge, judge_radar
 from radcam_depth_ros.calibration.placements import OPTICAL_FROM_BODY, Placement, Pose, alternatives
 from radcam_depth_ros.calibration.recording import Recording
@@ -118,6 +118,25 @@ def test_left_and_right_are_unknown_where_nothing_tells(simulated: Recording) ->
     assert report.verdict == "UNKNOWN"
     assert "with y flipped" in report.undecided
     assert "LiDAR" in report.sentence
+
+
+def test_up_and_down_are_unknown_where_the_elevation_is_poor(simulated: Recording) -> None:
+    true = simulated.radars[0].camera_from_radar
+    for pose in (true, Pose(true.matrix @ flip(2), true.translation_m)):
+        report = report_of(simulated, pose)
+        assert (report.verdict, report.undecided) == ("OK", ("with z flipped",))
+        assert "unknown whether the points belong with z flipped" in report.sentence
+
+
+def test_up_and_down_that_only_the_road_tells_are_not_ok(posts: Recording) -> None:
+    # As a 4D radar in town had it: with the cloud's z flipped, a sixth of its returns was below the road.
+    _, placements = placed(posts, TRUE)
+    parts = np.full((len(placements), 8, len(PARTS)), np.nan)
+    parts[..., :3] = [0.5, 0.5, 0.3]
+    parts[0, :, :3] = [0.55, 0.78, 0.62]
+    parts[[placement.name for placement in placements].index("with z flipped"), :, :3] = [0.56, 0.94, 0.62]
+    report = judge("/radar", placements, parts, 1000, PARTS, ())
+    assert (report.verdict, report.undecided) == ("UNKNOWN", ("with z flipped",))
 
 
 def test_a_yaw_of_some_degrees_is_measured_by_doppler(posts: Recording) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.calibration import TimeReport
-from radcam_depth_ros.calibration.image_motion import ImageMotion
 from radcam_depth_ros.calibration.recording import Recording
 from radcam_depth_ros.calibration.signals import Signal, estimate_shift
 from radcam_depth_ros.calibration.timing import judge_times
+from radcam_depth_ros.geometry import TransformTree
 from radcam_depth_ros.motion import Motion
 
 
@@ -27,7 +27,7 @@ def judged(recording: Recording, offset_s: float = 0.0) -> TimeReport:
 
 
 def without_odometry(recording: Recording) -> Recording:
-    motion = Motion("/odom", is_odometry=True, transforms=recording.motion._transforms, anchor="camera")
+    motion = Motion("/odom", is_odometry=True, transforms=TransformTree(), anchor="camera")
     return dataclasses.replace(recording, motion=motion, base_from_camera=None)
 
 
@@ -50,11 +50,9 @@ def test_the_offset_that_is_set_already_is_part_of_the_suggestion(posts: Recordi
 
 
 def test_a_clock_of_the_odometry_is_not_taken_for_the_radars(posts: Recording) -> None:
-    images = posts.image_motion
-    shifted = ImageMotion()
-    shifted._times_s = [time_s + 0.2 for time_s in images._times_s]
-    shifted._yaw_rates = images._yaw_rates
-    report = judged(dataclasses.replace(late(posts, 0.2), image_motion=shifted))
+    by_images = posts.image_yaw_rate
+    shifted = Signal(by_images.times_s + 0.2, by_images.values)
+    report = judged(dataclasses.replace(late(posts, 0.2), image_yaw_rate=shifted))
     assert report.verdict == "OK", report.sentence
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import (
@@ -35,7 +36,7 @@ def assert_same(actual: RigidTransform, expected: RigidTransform) -> None:
 @given(poses=st.lists(POSES, max_size=3))
 def test_transforms_come_back(maker, poses):
     if not maker.has_tf2:
-        pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs has no wheel")
+        require_tf2_msgs()
     links = [StampedTransform("base", f"sensor_{index}", 7 + index, pose) for index, pose in enumerate(poses)]
     message = maker.send(encode_transforms(maker.make, links), "tf2_msgs/msg/TFMessage")
     decoded = decode_transforms(message)

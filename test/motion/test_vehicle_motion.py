@@ -77,6 +77,32 @@ def test_poses_of_another_frame_are_left_out(motion: Motion) -> None:
         motion.accept(odometry(1.0, 2.0, ""))
 
 
+def test_a_first_message_of_a_wrong_frame_does_not_count_for_ever(motion: Motion) -> None:
+    with pytest.raises(MotionError, match="empty child_frame_id"):
+        motion.accept(odometry(0.9, 0.0, ""))
+    motion.accept(odometry(1.0, 0.0, "odom"))
+    assert motion.frame_problem == ""
+    for index in range(5):
+        assert motion.base_frame == "odom"
+        motion.accept(odometry(1.1 + index / 10, 7.0))
+        assert "got child_frame_id 'base' after 'odom'" in motion.frame_problem
+    motion.accept(odometry(1.6, 8.0))
+    assert (motion.base_frame, motion.frame_problem) == ("base", "")
+    pose = motion.at(round(1.55 * SECOND))
+    assert pose is not None
+    assert pose.translation[0] == pytest.approx(7.5)
+    assert motion.at(round(1.05 * SECOND)) is None
+
+
+def test_of_two_publishers_the_first_one_counts(motion: Motion) -> None:
+    for index in range(20):
+        motion.accept(odometry(1 + index / 10, 1.0))
+        for frame in ("trailer", "trailer", "roof"):
+            motion.accept(odometry(1 + index / 10, 2.0, frame))
+            assert "second publisher" in motion.frame_problem
+    assert motion.base_frame == "base"
+
+
 @pytest.mark.parametrize("ahead_s", [0.02, 0.07, 0.1])
 def test_soon_after_the_last_pose_the_vehicle_goes_on_as_before(ahead_s: float) -> None:
     motion = live()

@@ -55,13 +55,17 @@ INPUTS = {
 
 @dataclass
 class FakeEstimator:
-    """Depth is the number of returns in front of the camera, and 1 m more; takes as long as it is told."""
+    """Depth is the number of returns in front of the camera, and 1 m more; takes as long as it is told.
+
+    Keeps the stamps of its frames, and the places of the returns by stamp.
+    """
 
     config: EstimatorConfig
     seconds: float = 0.0
     error: Exception | None = None
     tells_classes: bool = False
     stamps_ns: list[int] = field(default_factory=list)
+    radar_m: dict[int, np.ndarray] = field(default_factory=dict)
     card: Any = field(default_factory=lambda: SimpleNamespace(focal_length_px=100.0))
 
     def describe(self) -> str:
@@ -82,6 +86,7 @@ class FakeEstimator:
         if self.error is not None:
             raise self.error
         self.stamps_ns.append(frame.stamp_ns)
+        self.radar_m[frame.stamp_ns] = frame.radar.xyz_m
         in_view = int((frame.radar.xyz_m[:, 2] > 0).sum())
         shape = frame.image.shape[:2]
         dense, semi_dense = np.full(shape, 1.0 + in_view, np.float32), np.full(shape, np.nan, np.float32)

@@ -84,6 +84,15 @@ def test_another_type_is_named_with_what_to_set(
         assert seen.publishers(CAMERA, CAMERA.qos) == f"1 publisher: 1 of {topics[CAMERA.topic]}"
 
 
+def test_a_topic_whose_name_is_fixed_is_remapped(graph: Callable[..., Graph]) -> None:
+    transforms = Input("transforms", "/transforms", INFO, 2, otherwise="start their publisher")
+    seen = graph({"/robot/transforms": INFO})
+    assert seen.remedy(transforms, transforms.qos).endswith("there is /robot/transforms: remap /transforms to it")
+    assert "remap /transforms to a topic of" in graph({"/transforms": CLOUD}).remedy(transforms, transforms.qos)
+    alone = Input("transforms", "/transforms_static", RAW, 2, otherwise="start their publisher")
+    assert "of this type: start their publisher, and see that" in seen.remedy(alone, alone.qos)
+
+
 def test_a_quality_of_service_that_does_not_match_is_named_by_policy(graph: Callable[..., Graph]) -> None:
     seen = graph({CAMERA.topic: RAW}, reliability=ReliabilityPolicy.BEST_EFFORT)
     asked = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)

@@ -149,9 +149,9 @@ with open(os.path.join({folder!r}, f"node-{{os.getpid()}}.json"), "w") as file:
     json.dump(told, file)
 """
 PLAYER = """#!{python}
-import json, sys
+import json, os, sys
 with open({path!r}, "w") as file:
-    json.dump(sys.argv[1:], file)
+    json.dump([os.path.basename(sys.argv[0]), *sys.argv[1:]], file)
 """
 
 
@@ -173,7 +173,7 @@ def executable(path: Path, text: str) -> None:
 
 
 class Launched:
-    """Launches files in an install space with a stand-in for the node and one for `ros2`.
+    """Launches files in an install space with stand-ins for the node and for both players.
 
     Args:
         folder: Temporary, its own.
@@ -193,7 +193,9 @@ class Launched:
         topics = (*INPUTS, *OUTPUT_TOPICS.values())
         text = STAND_IN.format(python=sys.executable, topics=topics, folder=str(self._told))
         executable(folder / "lib" / "radcam_depth_ros" / "radcam_depth_node", text)
-        executable(folder / "bin" / "ros2", PLAYER.format(python=sys.executable, path=str(self._told / "played.json")))
+        player = PLAYER.format(python=sys.executable, path=str(self._told / "played.json"))
+        executable(folder / "bin" / "ros2", player)
+        executable(folder / "lib" / "radcam_depth_ros" / "radcam-depth", player)
 
     def run(self, name: str, *arguments: str) -> list[dict[str, Any]]:
         """What the nodes were started with, by namespace and name.
@@ -217,7 +219,7 @@ class Launched:
         return sorted(told, key=lambda node: (node["namespace"], node["name"]))
 
     def played(self) -> Sequence[str]:
-        """Arguments of `ros2`."""
+        """The player's name and arguments."""
         arguments: list[str] = json.loads((self._told / "played.json").read_text(encoding="utf-8"))
         return arguments
 
@@ -312,11 +314,19 @@ def test_launched_for_several_cameras(launched: Launched, tmp_path: Path) -> Non
     assert left["parameters"] == {**front["parameters"], "camera_height_m": 1.2}
 
 
-def test_a_replay_that_hears_of_no_active_node_plays_after_the_longest_wait(launched: Launched) -> None:
+@pytest.mark.parametrize(
+    ("player", "start"), [(["ros2", "bag", "play"], "--start-offset"), (["radcam-depth", "play"], "--start")]
+)
+def test_a_replay_that_hears_of_no_active_node_plays_after_the_longest_wait(
+    launched: Launched, player: list[str], start: str
+) -> None:
     arguments = ("bag:=drive.mcap", "rate:=0.5", "loop:=true", "longest_wait:=2", "sensors:=astyx")
-    (node,) = launched.run("replay.launch.py", *arguments)
+    (node,) = launched.run("replay.launch.py", *arguments, f"player:={player[0]}")
     assert node["parameters"]["use_sim_time"] is True
     assert node["parameters"]["image_transport"] == "compressed"
-    assert launched.played() == [
-        *("bag", "play", "drive.mcap", "--clock", "--rate", "0.5", "--start-offset", "0.0", "--loop")
-    ]
+    assert launched.played() == [*player, "drive.mcap", "--clock", "--rate", "0.5", start, "0.0", "--loop"]
+
+
+def test_without_rosbag2_a_replay_has_a_player_of_its_own(launched: Launched) -> None:
+    launched.run("replay.launch.py", "bag:=drive.mcap", "longest_wait:=0.5")
+    assert launched.played()[0] == ("ros2" if importlib.util.find_spec("ros2bag") else "radcam-depth")

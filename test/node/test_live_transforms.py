@@ -1,23 +1,35 @@
-"""Extrinsics over `/tf_static`, where tf2_msgs is installed: on a vehicle, but not from PyPI."""
+"""Extrinsics over `/tf_static` and `/tf`, live."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy
+from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import StampedTransform, encode_transforms
-from radcam_depth_ros.node.factory import build_message
+from radcam_depth_ros.node import watchdog
+from radcam_depth_ros.node.factory import build_message, message_class
 
-pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed")
+require_tf2_msgs()
 
 TFMESSAGE = "tf2_msgs/msg/TFMessage"
 CAMERA_FROM_BASE = RigidTransform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))
 BASE_FROM_RADAR = RigidTransform(np.eye(3), np.array([0.0, 0.0, -0.5]))
+SIDE = RigidTransform(np.eye(3), np.array([0.0, -0.4, 0.1]))
+
+
+MAST_FROM_PAN = RigidTransform(np.eye(3), np.array([0.1, 0.0, 0.3]))
+BASE_FROM_MAST = RigidTransform(np.eye(3), np.array([-0.5, 0.2, 1.2]))
+AHEAD_NS = 300_000_000
+"""So much later than the images are the poses that are sent with them."""
+POINTS_M = np.array([[10.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
+"""What the peer's radar sees."""
 
 
 def transforms(*frames: str) -> Any:
@@ -91,3 +103,87 @@ def test_a_transform_that_is_none_is_named(start: Callable[..., Any]) -> None:
     assert "camera" in status.message
     bench.send("/tf_static", transforms("camera", "radar"))
     bench.await_depth()
+
+
+def turned(stamp_ns: int) -> RigidTransform:
+    """A mount that turns to the left by 0.4 rad/s."""
+    half = 0.2e-9 * (stamp_ns % 1_000_000_000_000)
+    return RigidTransform.from_quaternion(MAST_FROM_PAN.translation, (0.0, 0.0, math.sin(half), math.cos(half)))
+
+
+def link(parent: str, child: str, pose: RigidTransform, stamp_ns: int = 0) -> Any:
+    return encode_transforms(build_message, [StampedTransform(parent, child, stamp_ns, pose)])
+
+
+def send_between_poses(bench: Any) -> None:
+    """The mount's pose of a later time, and a pair of half a step after the pose that was sent three steps ago."""
+    bench.send("/tf", link("mast", "pan", turned(bench.now_ns + AHEAD_NS), bench.now_ns + AHEAD_NS))
+    now_ns = bench.now_ns
+    bench.now_ns = now_ns - 50_000_000
+    bench.send_pair()
+    bench.now_ns = now_ns
+
+
+def with_returns(bench: Any, number: int = 2) -> list[tuple[int, np.ndarray]]:
+    """Stamps and returns of the frames that have so many."""
+    return [(stamp_ns, xyz_m) for stamp_ns, xyz_m in list(bench.fake.radar_m.items()) if len(xyz_m) == number]
+
+
+def test_a_camera_that_pans_is_where_tf_has_it_at_the_images_stamp(start: Callable[..., Any]) -> None:
+    bench = start(camera_from_radar=None)
+    fixed = [("base_link", "mast", BASE_FROM_MAST), ("pan", "camera", CAMERA_FROM_BASE.inverse())]
+    links = [StampedTransform(parent, child, 0, pose) for parent, child, pose in fixed]
+    links += [StampedTransform("base_link", "bumper", 0, BASE_FROM_RADAR), StampedTransform("bumper", "radar", 0, SIDE)]
+    latch(bench, encode_transforms(build_message, links))
+    bench.connect()
+    # All but the moving link is there.
+    bench.send_until(lambda: bench.status("calibration", "two trees"), what="what is missing")
+    assert not with_returns(bench)
+    bench.advertise("/tf", TFMESSAGE)
+    bench.send_until(lambda: len(with_returns(bench)) >= 8, lambda: send_between_poses(bench), what="frames")
+    for stamp_ns, found_m in with_returns(bench)[4:]:
+        base_from_camera = BASE_FROM_MAST @ turned(stamp_ns) @ CAMERA_FROM_BASE.inverse()
+        expected_m = base_from_camera.inverse().apply((BASE_FROM_RADAR @ SIDE).apply(POINTS_M))
+        np.testing.assert_allclose(found_m, expected_m, atol=5e-3)
+
+
+def test_several_sweeps_are_taken_once_tf_tells_how_the_vehicle_moves(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watchdog, "SILENCE_S", 0.3)
+    bench = start(camera_from_radar=None, radar_sweeps=3, odom_frame="odom")
+    latch(bench, transforms("camera", "radar"))
+    bench.connect()
+    bench.await_depth()
+    words = "expected tf2_msgs/msg/TFMessage on /tf, got nothing"
+    status = bench.send_until(lambda: bench.status("moving transforms", words), what="its line")
+    assert "nobody publishes it" in status.message
+    bench.advertise("/tf", TFMESSAGE)
+
+    def send() -> None:
+        driven = RigidTransform(np.eye(3), np.array([5e-9 * (bench.now_ns % 1_000_000_000_000), 0.0, 0.0]))
+        bench.send("/tf", link("odom", "base_link", driven, bench.now_ns))
+        bench.send_pair()
+
+    found = bench.send_until(lambda: with_returns(bench, 6), send, what="all sweeps")
+    # The peer's radar sees the same in each sweep, though the vehicle drives on: 0.5 m between two sweeps.
+    np.testing.assert_allclose(found[-1][1][:, 2].reshape(3, 2), [[10, 20], [9.5, 19.5], [9, 19]], atol=1e-3)
+    bench.send_until(lambda: bench.diagnostics[-1]["moving transforms"].level == b"\0", send, what="/tf that is well")
+
+
+def test_without_any_input_transforms_are_missed_like_a_sensor(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watchdog, "NO_OUTPUT_S", 0.3)
+    bench = start(camera_from_radar=None, radar_sweeps=3)
+    bench.peer.create_publisher(message_class(TFMESSAGE), "/robot/tf_static", 1)
+    words = (
+        "tf2_msgs/msg/TFMessage on /tf_static (no publishers): nobody publishes it; of this type there is "
+        "/robot/tf_static: remap /tf_static to it",
+        "tf2_msgs/msg/TFMessage on /tf (no publishers): nobody publishes it, nor anything else of this type",
+    )
+    status = bench.until(lambda: bench.status("output", words[0]), what="what is missing")
+    assert words[1] in status.message
+    bench.until(lambda: [line for line in bench.logs if "no depth for" in line and "TFMessage on /tf_static" in line])
+    bench.connect()
+    bench.send_until(lambda: bench.status("calibration", "remap /tf_static to it"), what="the remedy")

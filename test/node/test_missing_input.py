@@ -32,7 +32,7 @@ def test_no_transform(start: Callable[..., Any], extrinsics: list[float]) -> Non
     assert status.level == b"\x02"
     assert "/tf_static" in status.message
     bench.until(lambda: [line for line in bench.logs if "camera_from_radar" in line])
-    assert not bench.depth
+    assert not any(map(len, bench.fake.radar_m.values()))
     assert bench.change_state("deactivate")
     assert bench.change_state("cleanup")
     assert bench.set_parameter("camera_from_radar", extrinsics) == ""
@@ -94,6 +94,21 @@ def test_before_the_first_depth_one_line_says_what_there_is_in_place_of_what_is_
     bench.until(lambda: len(bench.diagnostics) > 2)
     assert all(part in bench.diagnostics[-1]["output"].message for part in words)
     assert len([line for line in bench.logs if "no depth for" in line]) == 1
+
+
+def test_odometry_that_is_needed_is_missed_like_a_sensor(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watchdog, "NO_OUTPUT_S", 0.3)
+    monkeypatch.setattr(watchdog, "SILENCE_S", 0.3)
+    bench = start(radar_sweeps=3, odometry_topic="odom")
+    bench.advertise("filter/odometry", "nav_msgs/msg/Odometry")
+    words = "nobody publishes it; of this type there is /filter/odometry: set odometry_topic to it, or remap /odom"
+    status = bench.until(lambda: bench.status("odometry", words), what="its status")
+    assert status.level == b"\x01"
+    what = "nav_msgs/msg/Odometry on /odom (no publishers): nobody publishes it"
+    bench.until(lambda: bench.status("output", what), what="what is missing")
+    bench.until(lambda: [line for line in bench.logs if "no depth for" in line and "/odom (" in line])
 
 
 def test_no_radar_is_a_degraded_mode_that_is_named(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:

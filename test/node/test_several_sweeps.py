@@ -22,10 +22,10 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 SWEEPS = 3
 
 
-def odometry(make: Any, stamp_ns: int) -> Any:
+def odometry(make: Any, stamp_ns: int, frame: str = "camera") -> Any:
     """The camera drives along its axis by 5 m/s; its frame is the vehicle's, for which no tree is needed."""
     pose = RigidTransform(np.eye(3), np.array([0.0, 0.0, 5e-9 * (stamp_ns - START_NS)]))
-    return encode_odometry(make, OdometryReading(stamp_ns, "odom", "camera", pose, np.zeros(3), np.zeros(3)))
+    return encode_odometry(make, OdometryReading(stamp_ns, "odom", frame, pose, np.zeros(3), np.zeros(3)))
 
 
 def dense(message: Any) -> float:
@@ -40,6 +40,11 @@ def test_a_node_takes_several_sweeps_once_it_hears_how_the_vehicle_moves(start: 
     status = bench.until(lambda: bench.status("pairing", "no odometry came on /odom"), what="its line")
     assert "odometry_topic" in status.message
     bench.advertise("odom", ODOMETRY)
+    bench.send_until(
+        lambda: bench.status("odometry", "Hz on /odom"),
+        lambda: bench.send("odom", odometry(build_message, bench.now_ns, "odom")),
+        what="a first message of a wrong frame",
+    )
 
     def send() -> None:
         bench.send("odom", odometry(build_message, bench.now_ns))
@@ -48,7 +53,7 @@ def test_a_node_takes_several_sweeps_once_it_hears_how_the_vehicle_moves(start: 
     bench.send_until(lambda: dense(bench.depth[-1]) == 1 + 2 * SWEEPS, send, what="depth of all sweeps")
     bench.send_until(lambda: bench.diagnostics[-1]["pairing"].level == b"\0", send, what="pairing that is well")
     assert len([line for line in bench.logs if "cannot be moved" in line]) == 1
-    assert bench.status("odometry", "Hz on /odom")
+    assert len([line for line in bench.logs if "got child_frame_id 'camera' after 'odom'" in line]) == 1
 
 
 def test_odometry_is_heard_only_where_it_is_needed(start: Callable[..., Any]) -> None:
