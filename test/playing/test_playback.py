@@ -20,10 +20,10 @@ def publish(fake_node: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., li
     """Plays a bag on the fake node; returns what was published, /clock left out."""
 
     @contextmanager
-    def node() -> Iterator[Any]:
+    def node(_name: str) -> Iterator[Any]:
         yield fake_node
 
-    monkeypatch.setattr(playback, "_ros_node", node)
+    monkeypatch.setattr(playback, "ros_node", node)
 
     def run(path: Path, progress: Any = lambda _: None, **options: Any) -> list[tuple[str, Any]]:
         Playback(path, PlayOptions(**{**QUICK, **options})).run(progress)
@@ -86,13 +86,13 @@ def test_it_loops_until_it_is_interrupted(write_drive: Callable[..., Path], tmp_
     ],
 )
 def test_it_says_why_a_type_cannot_be_published(type_name: str, words: str) -> None:
-    assert words in playback._why_not(type_name)
+    assert words in playback.why_not(type_name)
 
 
 def test_what_cannot_be_published_is_left_out(
     write_drive: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(playback, "_why_not", lambda name: "not installed" if "PointCloud2" in name else "")
+    monkeypatch.setattr(playback, "why_not", lambda name: "not installed" if "PointCloud2" in name else "")
     drive = write_drive(tmp_path / "drive.mcap")
     found = Playback(drive, PlayOptions())
     assert found.left_out == ("/radar/points cannot be published: not installed",)
