@@ -36,8 +36,8 @@ def test_a_node_that_ends_is_an_error_with_the_end_of_its_log(run: Callable[[str
 def test_a_node_that_runs_is_ended_by_sigint(run: Callable[[str], NodeProcess], tmp_path: Path) -> None:
     program = """
 import time
-print("up")
 try:
+    print("up")
     time.sleep(60)
 except KeyboardInterrupt:
     print("interrupted")
