@@ -20,6 +20,7 @@ from xml.etree import ElementTree
 import pytest
 import typer
 import yaml
+from launch_mappings import launch_mappings, mapping_keys
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.cli import app
@@ -89,17 +90,9 @@ def launch_arguments(file: Path) -> set[str]:
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "DeclareLaunchArgument":
             names |= {first.value for first in node.args[:1] if isinstance(first, ast.Constant)}
-        target = (
-            node.target
-            if isinstance(node, ast.AnnAssign)
-            else node.targets[0]
-            if isinstance(node, ast.Assign)
-            else None
-        )
-        if target is not None and ast.unparse(target) in ("SETS", "OTHERS", "PASSED_ON"):
-            assert isinstance(node, ast.Assign | ast.AnnAssign)
-            assert isinstance(node.value, ast.Dict)
-            names |= {ast.literal_eval(key) for key in node.value.keys if key is not None}
+    for name, mapping in launch_mappings(file).items():
+        if name in ("SETS", "OTHERS", "PASSED_ON"):
+            names |= mapping_keys(mapping)
     return names
 
 

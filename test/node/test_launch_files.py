@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from launch_mappings import launch_mappings, mapping_keys
 
 from radcam_depth_ros.node.latency import LATENCY_TOPICS
 from radcam_depth_ros.parameters import PARAMETERS
@@ -31,28 +32,9 @@ INPUTS = (PipelineConfig().image, PipelineConfig().calibration_topic, *PipelineC
 PYTHON_FILES = sorted(LAUNCH.glob("*.py"))
 
 
-def constant(path: Path, name: str) -> ast.Dict:
-    """A mapping in a launch file, as it is written."""
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        target = (
-            node.target
-            if isinstance(node, ast.AnnAssign)
-            else node.targets[0]
-            if isinstance(node, ast.Assign)
-            else None
-        )
-        if target is not None and ast.unparse(target) == name:
-            assert isinstance(node.value, ast.Dict)
-            return node.value
-    raise AssertionError(f"{path.name} has no {name}")
-
-
-def keys(path: Path, name: str) -> set[str]:
-    return {ast.literal_eval(key) for key in constant(path, name).keys if key is not None}
-
-
 def depth_arguments() -> set[str]:
-    return keys(LAUNCH / "depth.launch.py", "SETS") | keys(LAUNCH / "depth.launch.py", "OTHERS")
+    mappings = launch_mappings(LAUNCH / "depth.launch.py")
+    return mapping_keys(mappings["SETS"]) | mapping_keys(mappings["OTHERS"])
 
 
 @pytest.mark.parametrize("path", PYTHON_FILES, ids=lambda path: path.name)
@@ -79,14 +61,14 @@ def test_the_arguments_are_those_of_a_vehicle() -> None:
 
 
 def test_the_parameters_that_are_set_exist() -> None:
-    entries = constant(LAUNCH / "depth.launch.py", "SETS").values
+    entries = launch_mappings(LAUNCH / "depth.launch.py")["SETS"].values
     named = {ast.literal_eval(entry.elts[0]) for entry in entries if isinstance(entry, ast.Tuple)}
     assert {"image_topic", "radar_topics", "autostart"} <= named <= NAMES
 
 
 @pytest.mark.parametrize("name", ["replay.launch.py", "multi_camera.launch.py"])
 def test_what_is_passed_on_is_an_argument_of_the_node_s_launch_file(name: str) -> None:
-    assert keys(LAUNCH / name, "PASSED_ON") <= depth_arguments()
+    assert mapping_keys(launch_mappings(LAUNCH / name)["PASSED_ON"]) <= depth_arguments()
 
 
 def test_the_xml_include_remaps_every_topic_of_the_node() -> None:
@@ -260,7 +242,7 @@ def test_launched_with_all_that_sets_a_parameter(launched: Launched) -> None:
         "threads": ("2", "threads", 2),
         "autostart": ("false", "autostart", False),
     }
-    assert set(given) == keys(LAUNCH / "depth.launch.py", "SETS")
+    assert set(given) == mapping_keys(launch_mappings(LAUNCH / "depth.launch.py")["SETS"])
     others = ("namespace:=car/front", "node_name:=depth", "use_sim_time:=true", "log_level:=warn")
     (node,) = launched.run("depth.launch.py", *(f"{name}:={value[0]}" for name, value in given.items()), *others)
     assert (node["namespace"], node["name"]) == ("/car/front", "depth")
