@@ -339,6 +339,12 @@ def print_figures(result: Soak, console: Console) -> None:
     for name, times in (("in the node", result.latencies), ("over DDS", result.round_trips)):
         first_ms, last_ms = result.p99_ms(times)
         console.print(f"latency p99 {name}: {first_ms:.0f} ms at first, {last_ms:.0f} ms at last")
+    p99_ms = ", ".join(f"{value:.0f}" for value in result.p99_of_spans_ms(result.latencies))
+    stolen = ", ".join(f"{value:.1f}" for value in result.stolen_percent())
+    console.print(
+        f"each {result.span_s:.0f} s: latency p99 in the node {p99_ms} ms; taken by this machine's host {stolen} % of "
+        "a core"
+    )
     settled_mib, end_mib = result.settled_and_end("rss_mib")
     console.print(
         f"memory: {settled_mib:.1f} MiB after {result.span_s:.0f} s, {end_mib:.1f} MiB at the end, at most "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,19 +24,21 @@ _POINTS_WRITTEN = 200
 
 @dataclass(frozen=True)
 class Reading:
-    """What Linux tells of the node's process.
+    """What Linux tells of the node's process, and of the machine.
 
     Attributes:
         at_s: Since the soak began.
         rss_mib: Resident memory.
         threads: How many it has.
         files: File descriptors that are open.
+        stolen_s: Processor seconds that the host of a virtual machine gave to others, since that machine started.
     """
 
     at_s: float
     rss_mib: float
     threads: int
     files: int
+    stolen_s: float
 
 
 def read_process(pid: int, at_s: float) -> Reading:
@@ -45,7 +48,10 @@ def read_process(pid: int, at_s: float) -> Reading:
         line.split(":", 1) for line in (process / "status").read_text(encoding="utf-8").splitlines() if ":" in line
     )
     files = sum(1 for _ in (process / "fd").iterdir())
-    return Reading(at_s, float(lines["VmRSS"].split()[0]) / 1024, int(lines["Threads"]), files)
+    # The first line: "cpu", and the ticks in user, nice, system, idle, iowait, irq, softirq, steal.
+    ticks = Path("/proc/stat").read_text(encoding="utf-8").split(maxsplit=9)
+    stolen_s = int(ticks[8]) / os.sysconf("SC_CLK_TCK")
+    return Reading(at_s, float(lines["VmRSS"].split()[0]) / 1024, int(lines["Threads"]), files, stolen_s)
 
 
 @dataclass(frozen=True)
@@ -199,9 +205,30 @@ class Soak:
 
     def p99_ms(self, times: Sequence[tuple[float, float]]) -> tuple[float, float]:
         """Of the first span and of the last, milliseconds."""
-        first = [duration_ms for at_s, duration_ms in times if at_s <= self.span_s]
-        last = [duration_ms for at_s, duration_ms in times if at_s >= self.seconds - self.span_s]
-        return float(np.percentile(first, 99)), float(np.percentile(last, 99))
+        return self._p99_ms(times, 0.0), self._p99_ms(times, self.seconds - self.span_s)
+
+    def p99_of_spans_ms(self, times: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+        """Of each span, milliseconds: whether a change between first and last is a trend."""
+        return tuple(self._p99_ms(times, start_s) for start_s in self._starts_s())
+
+    def stolen_percent(self) -> tuple[float, ...]:
+        """Of each span: processor time that the machine's host gave to others, per cent of one core."""
+        ends = [
+            [reading for reading in self.readings if start_s <= reading.at_s <= start_s + self.span_s]
+            for start_s in self._starts_s()
+        ]
+        return tuple(
+            100 * (part[-1].stolen_s - part[0].stolen_s) / (part[-1].at_s - part[0].at_s)
+            for part in ends
+            if len(part) > 1
+        )
+
+    def _starts_s(self) -> tuple[float, ...]:
+        return tuple(number * self.span_s for number in range(int(self.seconds / self.span_s)))
+
+    def _p99_ms(self, times: Sequence[tuple[float, float]], start_s: float) -> float:
+        within = [duration_ms for at_s, duration_ms in times if start_s <= at_s <= start_s + self.span_s]
+        return float(np.percentile(within, 99)) if within else float("nan")
 
     def targets(self) -> tuple[Target, ...]:
         """What has to hold, in the order of the issue that asks for it."""
@@ -247,6 +274,8 @@ class Soak:
             },
             "latency_p99_ms": dict(zip(("first", "last"), self.p99_ms(self.latencies), strict=True)),
             "round_trip_p99_ms": dict(zip(("first", "last"), self.p99_ms(self.round_trips), strict=True)),
+            "latency_p99_of_spans_ms": self.p99_of_spans_ms(self.latencies),
+            "stolen_percent_of_spans": self.stolen_percent(),
             "backward_jumps": self.jumps,
             "readings": [vars(reading) for reading in (*self.readings[:-1:step], self.readings[-1])],
             "rounds": [{**vars(turn), "drops": dict(zip(CAUSES, turn.drops, strict=True))} for turn in self.rounds],

@@ -26,8 +26,11 @@ ROUND = Round(0.0, 5.0, 10, 10, 0, 10, 10, 6, (4, 0, 0))
 ROUNDS = tuple(
     replace(ROUND, at_s=6.0 * number, out=6 - number % 2, drops=(4 + number % 2, 0, 0)) for number in range(60)
 )
-READINGS = tuple(Reading(float(second), 500.0 + (50.0 if second < 50 else 0.0), 16, 20) for second in range(360))
-"""Six minutes, of which the first settles; memory is high while the node begins."""
+READINGS = tuple(
+    Reading(float(second), 500.0 + (50.0 if second < 50 else 0.0), 16, 20, 7.0 + 0.1 * min(second, 60))
+    for second in range(360)
+)
+"""Six minutes, of which the first settles; memory is high while the node begins, and the machine's host is busy."""
 LATENCIES = tuple((0.1 * number, 50.0 + number % 10) for number in range(3600))
 SOAK = Soak(360.0, 20.0, 40.0, READINGS, LATENCIES, LATENCIES, ROUNDS, 60)
 
@@ -57,6 +60,12 @@ def test_latency_of_the_last_span_is_compared_with_the_first(factor: float, is_h
     soak = replace(SOAK, latencies=later)
     assert soak.p99_ms(later) == pytest.approx((59.0, 59.0 * factor))
     assert held(soak)["latency p99"] is is_held
+
+
+def test_each_span_has_its_latency_and_what_the_host_took() -> None:
+    later = tuple((at_s, value * (2 if 60 < at_s < 120 else 1)) for at_s, value in LATENCIES)
+    assert SOAK.p99_of_spans_ms(later) == pytest.approx((59.0, 118.0, 59.0, 59.0, 59.0, 59.0))
+    assert SOAK.stolen_percent() == pytest.approx((10.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -104,3 +113,4 @@ def test_a_process_is_read() -> None:
     assert reading.rss_mib > 10
     assert reading.threads >= 1
     assert reading.files >= 3
+    assert reading.stolen_s >= 0

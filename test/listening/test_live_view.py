@@ -15,15 +15,24 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from small_drive import CAMERA, PERIOD_NS, START_NS, small_image
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_returns
+from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagError, find_topics
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.listening import ListenOptions, listener
-from radcam_depth_ros.messages import encode_camera_info, encode_confidence, encode_depth, encode_image
+from radcam_depth_ros.messages import (
+    StampedTransform,
+    encode_camera_info,
+    encode_confidence,
+    encode_depth,
+    encode_image,
+    encode_points,
+    encode_transforms,
+)
 from radcam_depth_ros.node.factory import build_message, message_class
 from radcam_depth_ros.viewing import ViewError, ViewOptions, view_live
 
@@ -36,29 +45,35 @@ TOPICS = {
     "/front/semi_dense/image_rect": IMAGE,
     "/front/depth/confidence": IMAGE,
 }
+RADAR_TOPICS = {"/radar/points": "sensor_msgs/msg/PointCloud2", "/tf_static": "tf2_msgs/msg/TFMessage"}
 QUICK = ListenOptions(patience_s=0.6, settle_s=0.1)
 NARROW = ViewOptions(width=480)
 
 
 class Vehicle:
-    """A camera and a node that gives depth of every other image, 20 a second, until it is closed."""
+    """A camera, perhaps a radar, and a node that gives depth of every other image, 20 a second, until it is closed."""
 
-    def __init__(self, without: tuple[str, ...] = ()) -> None:
+    def __init__(self, without: tuple[str, ...] = (), has_radar: bool = False) -> None:
         self._context = Context()
         rclpy.init(args=[], context=self._context)
         self._node = Node("vehicle", context=self._context, start_parameter_services=False, enable_rosout=False)
+        topics = TOPICS | (RADAR_TOPICS if has_radar else {})
         qos = {
             topic: QoSProfile(
                 depth=10,
                 reliability=ReliabilityPolicy.BEST_EFFORT if "camera/" in topic else ReliabilityPolicy.RELIABLE,
+                durability=DurabilityPolicy.TRANSIENT_LOCAL if topic == "/tf_static" else DurabilityPolicy.VOLATILE,
             )
-            for topic in TOPICS
+            for topic in topics
         }
         self._publishers = {
             topic: self._node.create_publisher(message_class(type_name), topic, qos[topic])
-            for topic, type_name in TOPICS.items()
+            for topic, type_name in topics.items()
         }
-        self._without, self._closed = without, threading.Event()
+        if has_radar:
+            mount = StampedTransform("camera", "radar", 0, CAMERA_FROM_RADAR)
+            self._publishers["/tf_static"].publish(encode_transforms(build_message, [mount]))
+        self._without, self._has_radar, self._closed = without, has_radar, threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
@@ -89,6 +104,9 @@ class Vehicle:
                 "/front/semi_dense/image_rect": depth,
                 "/front/depth/confidence": encode_confidence(build_message, values, *where),
             }
+            if self._has_radar:
+                points = dict(zip("xyz", small_returns(0).T, strict=True))
+                messages["/radar/points"] = encode_points(build_message, points, where[0], "radar")
             for topic, message in messages.items():
                 if topic not in self._without and (index % 2 == 0 or "camera/" in topic):
                     self._publishers[topic].publish(message)
@@ -99,8 +117,8 @@ class Vehicle:
 def vehicle() -> Iterator[Callable[..., Vehicle]]:
     running: list[Vehicle] = []
 
-    def start(*without: str) -> Vehicle:
-        running.append(Vehicle(without))
+    def start(*without: str, has_radar: bool = False) -> Vehicle:
+        running.append(Vehicle(without, has_radar))
         return running[-1]
 
     yield start
@@ -123,6 +141,21 @@ def test_images_are_shown_with_the_depth_of_their_stamp(vehicle: Callable[..., V
     assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(5, abs=2.6), "every other image has depth"
     assert [path.name for path in target.parent.iterdir()] == ["live.mp4"]
     assert told == ["radar returns are not drawn: radars with /tf_static were not found"]
+
+
+@pytest.mark.parametrize("has_radar", [True, False])
+def test_returns_are_drawn_where_the_latched_transform_puts_them(
+    vehicle: Callable[..., Vehicle], tmp_path: Path, has_radar: bool
+) -> None:
+    require_tf2_msgs()
+    vehicle(has_radar=has_radar)
+    told: list[str] = []
+    assert view(tmp_path / "pictures", options=ViewOptions(frames=3, width=480), tell=told.append) == 3
+    picture = cv2.imread(str(max((tmp_path / "pictures").iterdir())))
+    assert picture is not None
+    dense = picture[30 : 30 + 90, 162:312]  # of one depth: without returns of one colour
+    assert (len(np.unique(dense.reshape(-1, 3), axis=0)) > 1) == has_radar
+    assert bool(told) != has_radar
 
 
 def test_the_verb_ends_by_ctrl_c_with_what_it_has(
