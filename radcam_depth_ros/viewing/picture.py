@@ -75,12 +75,16 @@ def _footer(frame: Frame, width: int) -> ImageArray:
     left, right = width - width // TILES + 10, width - 30
     scale_m = np.geomspace(NEAR_M, FAR_M, right - left, dtype=np.float32)[None]
     footer[4:16, left:right] = colorise(scale_m, NEAR_M, FAR_M)
-    for tick_m in _TICKS_M:
+    free = width  # columns that no number has yet
+    for tick_m in reversed(_TICKS_M):
         share = math.log(tick_m / NEAR_M) / math.log(FAR_M / NEAR_M)
         column = left + round(share * (right - left - 1))
         footer[16:20, column] = _TEXT
         text = f"{tick_m} m" if tick_m == _TICKS_M[-1] else str(tick_m)
-        cv2.putText(footer, text, (column - 4 * len(text), 34), _FONT, 0.4, _TEXT, 1, cv2.LINE_AA)
+        start = column - 4 * len(text)
+        if start + 8 * len(text) <= free:
+            cv2.putText(footer, text, (start, 34), _FONT, 0.4, _TEXT, 1, cv2.LINE_AA)
+            free = start - 4
     return footer
 
 
