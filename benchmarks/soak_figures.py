@@ -213,13 +213,13 @@ class Soak:
 
     def stolen_percent(self) -> tuple[float, ...]:
         """Of each span: processor time that the machine's host gave to others, per cent of one core."""
-        ends = [
+        parts = [
             [reading for reading in self.readings if start_s <= reading.at_s <= start_s + self.span_s]
             for start_s in self._starts_s()
         ]
         return tuple(
             100 * (part[-1].stolen_s - part[0].stolen_s) / (part[-1].at_s - part[0].at_s)
-            for part in ends
+            for part in parts
             if len(part) > 1
         )
 
