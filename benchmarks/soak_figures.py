@@ -208,20 +208,15 @@ class Soak:
         return self._p99_ms(times, 0.0), self._p99_ms(times, self.seconds - self.span_s)
 
     def p99_of_spans_ms(self, times: Sequence[tuple[float, float]]) -> tuple[float, ...]:
-        """Of each span, milliseconds: whether a change between first and last is a trend."""
+        """Of each span, milliseconds: whether a change between first and last is a trend. NaN where no depth came."""
         return tuple(self._p99_ms(times, start_s) for start_s in self._starts_s())
 
     def stolen_percent(self) -> tuple[float, ...]:
         """Of each span: processor time that the machine's host gave to others, per cent of one core."""
-        parts = [
-            [reading for reading in self.readings if start_s <= reading.at_s <= start_s + self.span_s]
-            for start_s in self._starts_s()
-        ]
-        return tuple(
-            100 * (part[-1].stolen_s - part[0].stolen_s) / (part[-1].at_s - part[0].at_s)
-            for part in parts
-            if len(part) > 1
-        )
+        at_s, stolen_s = ([getattr(reading, name) for reading in self.readings] for name in ("at_s", "stolen_s"))
+        starts_s = np.array(self._starts_s())
+        gained_s = np.interp(starts_s + self.span_s, at_s, stolen_s) - np.interp(starts_s, at_s, stolen_s)
+        return tuple(float(share) for share in 100 * gained_s / self.span_s)
 
     def _starts_s(self) -> tuple[float, ...]:
         return tuple(number * self.span_s for number in range(int(self.seconds / self.span_s)))
@@ -272,9 +267,9 @@ class Soak:
                 "end": round(end_mib, 2),
                 "most": round(self.most("rss_mib"), 2),
             },
-            "latency_p99_ms": dict(zip(("first", "last"), self.p99_ms(self.latencies), strict=True)),
-            "round_trip_p99_ms": dict(zip(("first", "last"), self.p99_ms(self.round_trips), strict=True)),
-            "latency_p99_of_spans_ms": self.p99_of_spans_ms(self.latencies),
+            "latency_p99_ms": dict(zip(("first", "last"), _known(self.p99_ms(self.latencies)), strict=True)),
+            "round_trip_p99_ms": dict(zip(("first", "last"), _known(self.p99_ms(self.round_trips)), strict=True)),
+            "latency_p99_of_spans_ms": _known(self.p99_of_spans_ms(self.latencies)),
             "stolen_percent_of_spans": self.stolen_percent(),
             "backward_jumps": self.jumps,
             "readings": [vars(reading) for reading in (*self.readings[:-1:step], self.readings[-1])],
@@ -286,6 +281,11 @@ class Soak:
         return Target(
             name, f"{settled:.0f}, then {end:.0f}, at most {self.most(figure):.0f}", "no more", end <= settled
         )
+
+
+def _known(values: Sequence[float]) -> list[float | None]:
+    """For JSON, which has no NaN."""
+    return [None if np.isnan(value) else value for value in values]
 
 
 def _few(numbers: list[int]) -> str:

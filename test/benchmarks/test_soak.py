@@ -68,6 +68,14 @@ def test_each_span_has_its_latency_and_what_the_host_took() -> None:
     assert SOAK.stolen_percent() == pytest.approx((10.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
+def test_a_span_without_depth_is_no_number_and_missed_where_it_is_compared() -> None:
+    stuck = replace(SOAK, latencies=tuple((at_s, value) for at_s, value in LATENCIES if at_s < 290))
+    assert not held(stuck)["latency p99"]
+    values = json.loads(json.dumps(stuck.as_json(), allow_nan=False))
+    assert values["latency_p99_ms"] == {"first": 59.0, "last": None}
+    assert values["latency_p99_of_spans_ms"][-2:] == [59.0, None]
+
+
 @pytest.mark.parametrize(
     ("change", "missed"),
     [

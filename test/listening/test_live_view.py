@@ -23,6 +23,7 @@ from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagError, find_topics
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.geometry import project
 from radcam_depth_ros.listening import ListenOptions, listener
 from radcam_depth_ros.messages import (
     StampedTransform,
@@ -153,8 +154,16 @@ def test_returns_are_drawn_where_the_latched_transform_puts_them(
     assert view(tmp_path / "pictures", options=ViewOptions(frames=3, width=480), tell=told.append) == 3
     picture = cv2.imread(str(max((tmp_path / "pictures").iterdir())))
     assert picture is not None
-    dense = picture[30 : 30 + 90, 162:312]  # of one depth: without returns of one colour
-    assert (len(np.unique(dense.reshape(-1, 3), axis=0)) > 1) == has_radar
+    left, top, width = 480 // 3, 26, 480 // 3 - 4  # of the dense depth, all of one value
+    dense = picture[top : top + round(width * CAMERA.height / CAMERA.width), left : left + width]
+    drawn = np.argwhere((dense != dense[0, 0]).any(axis=2))[:, ::-1]
+    uv, _ = project(CAMERA_FROM_RADAR.apply(small_returns(0)), CAMERA)
+    away_px = np.linalg.norm(drawn[:, None] - (uv + 0.5) * width / CAMERA.width, axis=2)
+    if has_radar:
+        assert (away_px.min(axis=0) < 12).all(), "each return has its mark"
+        assert (away_px.min(axis=1) < 12).all(), "nothing else is drawn"
+    else:
+        assert not drawn.size
     assert bool(told) != has_radar
 
 
