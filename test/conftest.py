@@ -39,6 +39,13 @@ def _quiet_machine(tmp_path_factory: pytest.TempPathFactory) -> None:
     torch.set_num_threads(1)
 
 
+@pytest.fixture(params=["float32", "bfloat16"])
+def number_format(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Runs a test once in each number format, wherever `precision: auto` is taken, in other processes as well."""
+    monkeypatch.setenv("RADCAM_DEPTH_PRECISION", request.param)
+    return str(request.param)
+
+
 @pytest.fixture(scope="session")
 def astyx_val() -> Path:
     """A real drive, which is not part of this project."""

@@ -27,9 +27,9 @@ from radcam_depth_ros.replay import ReplayOptions, replay
 WriteDrive = Callable[..., Path]
 
 
-@pytest.fixture(scope="module")
-def estimator(small_weights: Path) -> Estimator:
-    return Estimator(EstimatorConfig(model_file=str(small_weights)))
+@pytest.fixture(scope="module", params=["float32", "bfloat16"])
+def estimator(small_weights: Path, request: pytest.FixtureRequest) -> Estimator:
+    return Estimator(EstimatorConfig(model_file=str(small_weights), precision=request.param))
 
 
 def depths(path: Path, topic: str = "/depth/image_rect") -> dict[int, np.ndarray]:

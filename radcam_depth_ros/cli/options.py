@@ -24,7 +24,11 @@ ModelOption = Annotated[
 ]
 DeviceOption = Annotated[str, typer.Option(help="cpu, or cuda.")]
 PrecisionOption = Annotated[
-    str, typer.Option(help="Number format of the network: float32, bfloat16, or auto, whichever is faster here.")
+    str,
+    typer.Option(
+        help="Number format of the network: float32, bfloat16, or auto: what RADCAM_DEPTH_PRECISION says, else what "
+        "suits the processor."
+    ),
 ]
 ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
 RadarOption = Annotated[list[str] | None, typer.Option(help="Topic of a radar; repeat it for several.")]

@@ -126,8 +126,8 @@ def train(
         )
         if recipe.tensorboard:
             require_tensorboard()
-        # What was measured is kept: a resumed run computes as it did before.
-        plan = ranks.of_first(replace(plan, config=recipe.with_measured_precision()))
+        # Kept with the run: one that is resumed, elsewhere even, computes as it did before.
+        plan = ranks.of_first(replace(plan, config=recipe.with_chosen_precision()))
         with _progress(console) as progress:
             with ranks.first_goes_ahead():
                 data = _load(plan, processes, progress)

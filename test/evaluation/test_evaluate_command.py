@@ -81,6 +81,7 @@ def write_drive(path, with_depth=True, depth_delay_ns=0, scenario=None):
     return path
 
 
+@pytest.mark.usefixtures("number_format")
 def test_json_alone_goes_to_standard_output(tmp_path, model, app):
     bag = write_drive(tmp_path / "drive")
     done = CliRunner().invoke(app, [str(bag), "--model", str(model), "--json", "-"])
