@@ -10,6 +10,7 @@ from small_drive import CAMERA_FROM_RADAR, small_messages
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.intake import IntakeConfig
 from radcam_depth_ros.messages import decode_depth
 from radcam_depth_ros.node.factory import build_message
 from radcam_depth_ros.replay import replay
@@ -27,7 +28,7 @@ def test_the_live_node_and_the_replay_give_the_same_depth(
         write_drive(tmp_path / "drive.mcap", FRAMES),
         tmp_path / "depth.mcap",
         estimator,
-        DriveSettings(camera_from_radar=EXTRINSICS),
+        DriveSettings(IntakeConfig(camera_from_radar=EXTRINSICS)),
     )
     bench = start(Estimator, model_file=str(small_weights), camera_from_radar=list(EXTRINSICS), max_wait_s=0.1)
     semi_dense: list[Any] = []
