@@ -11,7 +11,7 @@ from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
 from radcam_depth_ros.parameters.table import PARAMETERS
 
 _BY_NAME = {spec.name: spec for spec in PARAMETERS}
-_ALIKE = 0.6
+_ALIKE = 0.7
 """From this likeness on a name is taken for another one with a typo."""
 
 
