@@ -63,12 +63,13 @@ class DriveSettings:
         lidar: Topic of the LiDAR.
         depth: Topic of the exact depth images.
         classes: Topic of the class images.
-        odometry: Topic of the vehicle's motion, for accumulating scans and moving radar returns; `/tf` serves where
-            there is none.
+        odometry: Topic of the vehicle's motion, for moving scans and radar returns; `/tf` serves where there is none.
         ground_truth: `exact` depth images, `lidar`, `both` (exact, and the nearest scan besides), `any` (exact where
             there is, else LiDAR), or `none`.
         accumulate: Whether LiDAR depth is that of many scans, with the nearest one besides: `never`, `where_possible`
-            (a bag without the vehicle's motion gives the nearest scan, with a warning) or `always`.
+            (a bag without the vehicle's motion gives the nearest scan as it lies, with a warning) or `always`. Scans
+            are moved to the image's time in any case where the bag tells the vehicle's motion, and left out where it
+            does not for their time.
         accumulation: How scans are accumulated.
         max_lidar_offset_s: The farthest that a LiDAR scan may lie from its image in time.
         image_is_rectified: As in IntakeConfig.
