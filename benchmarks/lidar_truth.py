@@ -53,10 +53,10 @@ class TruthErrors:
     ratio: float
 
 
-def measure(seed: int, frames: int, folder: Path) -> TruthErrors:
+def measure(seed: int, frames: int, folder: Path, config: SimulationConfig) -> TruthErrors:
     """The errors on one drive, which is simulated first."""
     drive, still = folder / f"{seed}.mcap", folder / f"{seed}-still.mcap"
-    simulate(SimulationConfig(), seed, frames, drive)
+    simulate(config, seed, frames, drive)
     without_motion(drive, still)
     exact = {
         sample.frame.stamp_ns: sample.depth_m for sample in read_samples(drive, DriveSettings(ground_truth="exact"))
@@ -105,7 +105,7 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         seeds = track(options.seeds, "measuring", console=Console(stderr=True))
-        rows = [measure(seed, options.frames, Path(folder)) for seed in seeds]
+        rows = [measure(seed, options.frames, Path(folder), SimulationConfig()) for seed in seeds]
     if options.json:
         write_json({"within_m": WITHIN_M, "drives": [asdict(row) for row in rows]}, options.json)
     if options.json == "-":

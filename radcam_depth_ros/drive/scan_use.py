@@ -76,6 +76,11 @@ class ScanGroup:
         }
 
     @property
+    def speed_mps(self) -> float:
+        """The vehicle's mean speed; NaN where it is not known."""
+        return self.shift_m / self.offset_s if self.known_shifts and self.offset_s else math.nan
+
+    @property
     def apart(self) -> str:
         """How far they are from their images, for a sentence."""
         return f"{1e3 * self.offset_s:.0f} ms from their images on average, {1e3 * self.max_offset_s:.0f} at most"
@@ -84,7 +89,7 @@ class ScanGroup:
     def shift(self) -> str:
         """How much that matters, for a sentence."""
         if self.known_shifts:
-            return f"in which the vehicle drove {self.shift_m:.2f} m on average"
+            return f"in which the vehicle drove {self.shift_m:.2f} m on average, at {self.speed_mps:.1f} m/s"
         return f"in which a vehicle drives {10 * self.offset_s:.2f} m at 10 m/s; its speed is not known"
 
 
@@ -146,9 +151,10 @@ class ScanSummary:
             found.append(f"{group.scans} moved to their images' time: {group.apart}, {group.shift}")
         if self.as_they_lie.scans:
             group = self.as_they_lie
+            by_doppler = " by the radars' Doppler" if group.known_shifts else ""
             found.append(
                 f"{group.scans} taken as they lie, since nothing tells how the vehicle moved (no odometry, no link on "
-                f"/tf): {group.apart}, {group.shift}"
+                f"/tf): {group.apart}, {group.shift}{by_doppler}"
             )
         if self.left_out.scans:
             found.append(f"{self.left_out.scans} left out, since they could not be moved: {self.reason}")
