@@ -23,7 +23,8 @@ from radcam_depth_ros.drive import DriveSettings, Sample, ScanSummary, read_samp
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 
-SEEDS = (1_000_000, 1_000_003, 1_000_009)
+SEEDS = (1_000_000, 1_000_001, 1_000_003)
+"""The first drives kept for measuring that go faster than 10 m/s, but 1000002, whose scans are 4 ms off."""
 WITHIN_M = 80.0
 _MOTION = ("/odom", "/tf")
 

@@ -34,7 +34,8 @@ class AccumulationConfig:
             sensor differ by less than this
         tolerance_share: plus this share of the distance.
         occlusion_px: A pixel is seen through the gaps of something nearer when this many pixels above and below, or
-            half as many left and right, there are clearly nearer ones; at a focal length of 630 px.
+            half as many left and right, there are clearly nearer ones; at a focal length of 630 px. Of a single scan,
+            whose beams lie further apart, twice as many.
     """
 
     scans: int = 80
