@@ -46,6 +46,10 @@ class LidarDrive:
         log_clocks: Recorded times are those of the stamps, wrong as they are.
         lidar_frame: The scans' frame.
         loops: How often the drive comes.
+        motion_from_s: Poses before this are missing,
+        motion_until_s: and those after this.
+        odometry_frame: What the odometry moves.
+        doppler: Radar returns on a standing wall, with their Doppler.
     """
 
     frames: int = 12
@@ -58,6 +62,10 @@ class LidarDrive:
     log_clocks: bool = False
     lidar_frame: str = "lidar"
     loops: int = 1
+    motion_from_s: float = -1.0
+    motion_until_s: float = 1e9
+    odometry_frame: str = "base"
+    doppler: bool = False
 
 
 def box_left_m(time_s: float) -> float:
@@ -100,7 +108,7 @@ def _events(drive: LidarDrive, loop: int) -> list[tuple[int, str, object]]:
         events.append(((stamp_ns if drive.log_clocks else true_ns) + later_ns, topic, message(stamp_ns)))
 
     image = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
-    columns = dict(zip("xyz", np.array([[0.0, -20, 0]], np.float32).T, strict=True))
+    columns = _returns(drive)
     radar_frames = drive.frames if drive.radar_frames is None else drive.radar_frames
     for index in range(drive.frames):
         time_s = index / 10
@@ -120,17 +128,30 @@ def _events(drive: LidarDrive, loop: int) -> list[tuple[int, str, object]]:
             )
     for index in range(-1, drive.frames * 5 + 2):
         time_s = index / 50
+        if not drive.motion_from_s <= time_s <= drive.motion_until_s:
+            continue
         place = RigidTransform(np.eye(3), np.array([1e5 + SPEED_MPS * time_s, 2e5, 0.0]))
         if drive.odometry:
-            reading = OdometryReading(0, "odom", "base", place, np.zeros(3), np.zeros(3))
+            reading = OdometryReading(0, "odom", drive.odometry_frame, place, np.zeros(3), np.zeros(3))
             add("/odom", time_s, 0, lambda stamp, reading=reading: _odometry(reading, stamp))  # type: ignore[misc]  # a default is no type
         if drive.tf:
             add("/tf", time_s, 0, lambda stamp, place=place: _links(place, stamp))  # type: ignore[misc]  # a default is no type
     return events
 
 
+def _returns(drive: LidarDrive) -> dict[str, FloatArray]:
+    """What the radar sees, around it: one thing ahead, or a wall."""
+    if not drive.doppler:
+        return dict(zip("xyz", np.array([[0.0, -20, 0]], np.float32).T, strict=True))
+    left = np.linspace(-30, 30, 40)
+    ahead = np.stack([np.full_like(left, 40.0), left, np.zeros_like(left)], axis=1)
+    xyz = (LIDAR.inverse().rotation @ ahead.T).astype(np.float32)
+    speed = (-SPEED_MPS * 40.0 / np.linalg.norm(ahead, axis=1)).astype(np.float32)
+    return {**dict(zip("xyz", xyz, strict=True)), "radial_speed": speed}
+
+
 def _odometry(reading: OdometryReading, stamp_ns: int) -> object:
-    stamped = OdometryReading(stamp_ns, "odom", "base", reading.pose, reading.linear, reading.angular)
+    stamped = OdometryReading(stamp_ns, "odom", reading.child_frame_id, reading.pose, reading.linear, reading.angular)
     return encode_odometry(factory, stamped)
 
 

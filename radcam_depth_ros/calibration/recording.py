@@ -12,7 +12,6 @@ import numpy as np
 from radcam_depth_ros.bags import BagMessage, BagReader, header_stamp_ns
 from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.calibration.image_motion import ImageMotion
-from radcam_depth_ros.calibration.own_motion import OwnMotion, own_motion
 from radcam_depth_ros.calibration.placements import Pose
 from radcam_depth_ros.calibration.signals import Signal
 from radcam_depth_ros.drive import DriveSettings, prime
@@ -20,7 +19,7 @@ from radcam_depth_ros.frame import FloatArray, Frame, RadcamDepthError
 from radcam_depth_ros.geometry import GeometryError, RigidTransform
 from radcam_depth_ros.intake import Intake
 from radcam_depth_ros.messages import decode_points, decode_radar
-from radcam_depth_ros.motion import Motion
+from radcam_depth_ros.motion import Motion, OwnMotion, own_motion
 from radcam_depth_ros.pairing import for_each_radar
 
 _SECOND = 1_000_000_000

@@ -113,6 +113,7 @@ def evaluate(
         raise EvaluationError(
             f"expected ground truth within 100 m of some frame of {_listed(sources)}, got none; LiDAR scans must lie "
             f"within {settings.max_lidar_offset_s} s of an image, depth images must have an image's stamp"
+            + "".join(f"; of the scans {sentence}" for sentence in evaluation.scans.sentences)
         )
     facts = (
         Fact("drive" if len(sources) == 1 else "drives", _listed(sources)),

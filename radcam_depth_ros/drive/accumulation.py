@@ -7,99 +7,17 @@ pixel the nearest wins.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
-from radcam_depth_ros.bags import BagReader
-from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.drive.range_view import Tolerance, Verdict
-from radcam_depth_ros.drive.scans import Scan, ScanWindow
-from radcam_depth_ros.drive.settings import AccumulationConfig, DriveError
-from radcam_depth_ros.frame import CameraModel, FloatArray, Frame
-from radcam_depth_ros.geometry import RigidTransform, TransformTree, depth_image
-from radcam_depth_ros.motion import Motion
+from radcam_depth_ros.drive.scans import Scan
+from radcam_depth_ros.drive.settings import AccumulationConfig
+from radcam_depth_ros.frame import CameraModel, FloatArray
+from radcam_depth_ros.geometry import RigidTransform, depth_image
 
 _OCCLUSION_FOCAL_LENGTH_PX = 630.0
 _NEAREST_M = 0.5
-
-
-@dataclass(frozen=True)
-class LidarDepth:
-    """What a LiDAR tells of an image's depth.
-
-    Attributes:
-        single_m: (H, W) float32 metres, NaN unknown: the nearest scan, moved to the image's time.
-        accumulated_m: The same of all scans around it; None where nobody asked.
-    """
-
-    single_m: FloatArray
-    accumulated_m: FloatArray | None
-
-
-class Accumulator:
-    """Gives the LiDAR's depth of one image after another.
-
-    Args:
-        reader: The bag, for this alone: it is read ahead of the images.
-        topics: Its topics; with a LiDAR.
-        transforms: The vehicle's fixed frames.
-        config: How.
-    """
-
-    def __init__(
-        self, reader: BagReader, topics: SensorTopics, transforms: TransformTree, config: AccumulationConfig
-    ) -> None:
-        self._reader, self._topics, self._transforms, self._config = reader, topics, transforms, config
-        self._motion: Motion | None = None
-        self._window: ScanWindow | None = None
-
-    def depth(self, frame: Frame, max_offset_ns: int, *, single: bool) -> LidarDepth | None:
-        """The depth of a frame; None where no scan is near enough, or nobody knows where the vehicle was.
-
-        Args:
-            frame: The frame.
-            max_offset_ns: The farthest that the nearest scan may lie from it in time.
-            single: The nearest scan alone is wanted.
-
-        Raises:
-            DriveError: when the bag does not tell how the vehicle moved.
-            GeometryError: when a transform between camera, LiDAR and vehicle is missing.
-        """
-        motion, window = self._start(frame.frame_id)
-        scans = window.around(frame.stamp_ns)
-        if motion.base_frame is None:
-            raise DriveError(
-                f"{motion.topic} has no pose of a frame that {frame.frame_id!r} is fixed to; record odometry "
-                "(nav_msgs/Odometry), or the link from odom to the vehicle on /tf"
-            )
-        pose = motion.at(frame.stamp_ns)
-        nearest = min(scans, key=lambda scan: abs(scan.stamp_ns - frame.stamp_ns), default=None)
-        if pose is None or nearest is None or abs(nearest.stamp_ns - frame.stamp_ns) > max_offset_ns:
-            return None
-        world_from_camera = pose @ self._transforms.lookup(motion.base_frame, frame.frame_id)
-        moved = (world_from_camera.inverse() @ nearest.world_from_scan).apply(nearest.points_m)
-        many = None if single else accumulate(nearest, scans, world_from_camera, frame.camera, self._config)
-        return LidarDepth(depth_image(moved, frame.camera), many)
-
-    def _start(self, camera_frame: str) -> tuple[Motion, ScanWindow]:
-        if self._motion is None or self._window is None:
-            lidar, topic = self._topics.lidar, self._topics.odometry or self._topics.tf
-            if lidar is None or topic is None:
-                raise DriveError(
-                    "it does not say how the vehicle moved; record odometry (nav_msgs/Odometry), or the link from "
-                    "odom to the vehicle on /tf"
-                )
-            self._motion = Motion(
-                topic,
-                is_odometry=self._topics.odometry is not None,
-                transforms=self._transforms,
-                anchor=camera_frame,
-            )
-            messages = self._reader.messages([lidar, topic])
-            self._window = ScanWindow(messages, lidar, self._motion, self._transforms, self._config)
-        return self._motion, self._window
 
 
 def accumulate(

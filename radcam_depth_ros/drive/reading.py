@@ -9,9 +9,9 @@ from pathlib import Path
 
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.bags.topics import SensorTopics
-from radcam_depth_ros.drive.accumulation import Accumulator
 from radcam_depth_ros.drive.clocks import Clocks
 from radcam_depth_ros.drive.sample import Sample
+from radcam_depth_ros.drive.scan_use import LEFT_OUT, ScanUse
 from radcam_depth_ros.drive.settings import DriveError, DriveSettings, DriveWarning
 from radcam_depth_ros.drive.truth import GroundTruth
 from radcam_depth_ros.frame import Frame
@@ -77,8 +77,7 @@ def read_samples(
         prime(reader, intake, topics)
         # What is fixed, without the links of /tf that the intake adds.
         fixed = intake.transforms.copy()
-        accumulator = Accumulator(ahead, topics, fixed, settings.accumulation)
-        truth = GroundTruth(topics, settings, fixed, accumulator, tell)
+        truth = GroundTruth(topics, settings, fixed, ahead, tell)
         fit = _Fit(topics, settings, intake, truth)
         waiting: deque[Frame] = deque()
         wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics, *moving}
@@ -113,6 +112,7 @@ class _Fit:
             topic: round(offset_s * 1e9) for topic, offset_s in zip(topics.radars, offsets_s, strict=True)
         }
         self.frames = self._blind = 0
+        self._left_out: list[ScanUse] = []
 
     def note(self, topic: str, time_ns: int, now_ns: int) -> None:
         """Takes note of a message's times."""
@@ -124,6 +124,8 @@ class _Fit:
         """Takes note of a sample."""
         self.frames += 1
         self._blind += sample.source == "none"
+        if sample.scan is not None and sample.scan.use == LEFT_OUT:
+            self._left_out.append(sample.scan)
         if self.frames == _EARLY_FRAMES:
             self._check_clocks()
         return sample
@@ -144,12 +146,20 @@ class _Fit:
                 tell(f"{radar.unmatched} of {self.frames} images have no sweep of {radar.name}: {reason}")
         topic = self._truth.depth_topic
         if topic is not None and self._blind >= _UNMATCHED_SHARE * self.frames:
-            exact = topic == self._topics.depth
-            reason = self._clocks.reason(topic, 0.0 if exact else self._settings.max_lidar_offset_s)
+            reason = self._why_blind(topic)
             sentence = f"{self._blind} of {self.frames} images have no ground truth: {reason}"
             if self._blind == self.frames:
                 raise DriveError(sentence)
             tell(sentence)
+
+    def _why_blind(self, topic: str) -> str:
+        if len(self._left_out) > self._blind / 2:
+            return (
+                f"{len(self._left_out)} scans on {topic} cannot be moved to the images' time, since "
+                f"{self._left_out[-1].reason}; record the vehicle's motion all the time"
+            )
+        exact = topic == self._topics.depth
+        return self._clocks.reason(topic, 0.0 if exact else self._settings.max_lidar_offset_s)
 
     def _check_clocks(self) -> None:
         topic = self._truth.depth_topic

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from radcam_depth_ros.drive.scan_use import ScanUse
 from radcam_depth_ros.frame import FloatArray, Frame, ImageArray, RadarReturns
 
 
@@ -20,6 +21,7 @@ class Sample:
         classes: (H, W) uint8 Cityscapes training ids, 255 unknown; None where the bag has none.
         depth_single_m: (H, W) float32 depth of the nearest scan alone, NaN unknown; None where `depth_m` is that, or
             it was not asked for.
+        scan: How the LiDAR scan nearest to the image was used; None where there is none near it, or none was wanted.
     """
 
     frame: Frame
@@ -28,6 +30,7 @@ class Sample:
     source: str
     classes: ImageArray | None = None
     depth_single_m: FloatArray | None = None
+    scan: ScanUse | None = None
 
     @property
     def radar_parts(self) -> tuple[RadarReturns, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -41,8 +42,12 @@ class Scan:
         self.stamp_ns = stamp_ns
         self.world_from_scan = world_from_scan
         self.points_m = points_m
-        self.view = RangeView(points_m)
         self._standing_m: FloatArray | None = None
+
+    @cached_property
+    def view(self) -> RangeView:
+        """What it saw in each direction; made when it is first asked for, since a scan alone never is."""
+        return RangeView(self.points_m)
 
     def standing_m(self, others: tuple[Scan, ...], tolerance: Tolerance) -> FloatArray:
         """The points of what does not move: most of the scans before and after that can tell see them as well."""
@@ -139,9 +144,14 @@ class ScanWindow:
         while self._waiting and self._motion.covers(self._waiting[0].stamp_ns):
             scan = self._waiting.popleft()
             pose = self._motion.at(scan.stamp_ns)
-            if pose is None or self._motion.base_frame is None:
+            base_frame = self._motion.base_frame
+            if (
+                pose is None
+                or base_frame is None
+                or not self._transforms.can_transform(base_frame, self._motion.anchor)
+            ):
                 continue
-            base_from_lidar = self._transforms.lookup(self._motion.base_frame, scan.frame_id)
+            base_from_lidar = self._transforms.lookup(base_frame, scan.frame_id)
             # Turned into the vehicle's axes: z is up, however the sensor is mounted.
             turned = RigidTransform(base_from_lidar.rotation, np.zeros(3))
             place = RigidTransform(np.eye(3), base_from_lidar.translation)

@@ -34,7 +34,8 @@ class AccumulationConfig:
             sensor differ by less than this
         tolerance_share: plus this share of the distance.
         occlusion_px: A pixel is seen through the gaps of something nearer when this many pixels above and below, or
-            half as many left and right, there are clearly nearer ones; at a focal length of 630 px.
+            half as many left and right, there are clearly nearer ones; at a focal length of 630 px. Of a single scan,
+            whose beams lie further apart, twice as many.
     """
 
     scans: int = 80
@@ -63,7 +64,7 @@ class TopicChoice:
         lidar: Topic of the LiDAR.
         depth: Topic of the exact depth images.
         classes: Topic of the class images.
-        odometry: Topic of the vehicle's motion, for accumulating scans and moving radar returns. `/tf` serves where
+        odometry: Topic of the vehicle's motion, for moving scans and radar returns. `/tf` serves where
             there is none; where it is empty, `/tf` moves the radar returns though there is one.
         preferred: Of images and radars that are None: these are taken where the bag has them.
         is_compressed: The images are sensor_msgs/CompressedImage.
@@ -115,7 +116,9 @@ class DriveSettings:
         ground_truth: `exact` depth images, `lidar`, `both` (exact, and the nearest scan besides), `any` (exact where
             there is, else LiDAR), or `none`.
         accumulate: Whether LiDAR depth is that of many scans, with the nearest one besides: `never`, `where_possible`
-            (a bag without the vehicle's motion gives the nearest scan, with a warning) or `always`.
+            (a bag without the vehicle's motion gives the nearest scan as it lies, with a warning) or `always`. Where the
+            bag tells the vehicle's motion, scans are moved to the image's time in any case; those that cannot be moved
+            are left out.
         accumulation: How scans are accumulated.
         max_lidar_offset_s: The farthest that a LiDAR scan may lie from its image in time.
     """

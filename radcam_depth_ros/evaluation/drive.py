@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.drive import Sample
+from radcam_depth_ros.drive import Sample, ScanSummary, ScanUse
 from radcam_depth_ros.evaluation.baselines import BASELINES, ground_nearest, radar_interpolation, without_radar
 from radcam_depth_ros.evaluation.classes import ClassMeans
 from radcam_depth_ros.evaluation.distances import DistanceAccumulator
@@ -221,6 +221,7 @@ class _Sums:
         self._given = GivenAccumulator(settings.camera_height_m)
         self._frames = self._missing = 0
         self._sources: set[str] = set()
+        self._scans: list[ScanUse] = []
 
     def add_missing(self, sample: Sample) -> None:
         self._look_at(sample)
@@ -252,6 +253,8 @@ class _Sums:
     def _look_at(self, sample: Sample) -> int:
         self._frames += 1
         self._sources.add(sample.source)
+        if sample.scan is not None:
+            self._scans.append(sample.scan)
         return self._given.add(sample.frame)
 
     def _baseline(self, name: str, frame: Frame) -> FloatArray:
@@ -289,4 +292,5 @@ class _Sums:
             sparsification=self._sparsification.result(),
             clip_m=self._settings.clip_m,
             latency=latency,
+            scans=ScanSummary.of(self._scans),
         )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from radcam_depth_ros.drive import ScanSummary
 from radcam_depth_ros.evaluation.distances import STEP_M, DistanceCurve
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import Grouping
@@ -82,6 +83,7 @@ class Evaluation:
         sparsification: What the confidence is worth.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
+        scans: How the LiDAR scans near the frames became ground truth.
     """
 
     network: str
@@ -98,6 +100,7 @@ class Evaluation:
     sparsification: Sparsification
     clip_m: float | None
     latency: Latency
+    scans: ScanSummary = field(default_factory=ScanSummary)
 
     @property
     def has_ground_truth(self) -> bool:
@@ -111,6 +114,7 @@ class Evaluation:
             "frames": self.frames,
             "frames_missing": self.frames_missing,
             "ground_truth": self.ground_truth,
+            "lidar_scans": self.scans.as_json() if self.scans.scans else None,
             "given": self.given.as_json(),
             "dense": _by_name(self.dense.ranges),
             "semi_dense": self.semi_dense.as_json(),

@@ -166,6 +166,8 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     if evaluation.frames_missing:
         facts.append(Fact("frames without depth", str(evaluation.frames_missing)))
     facts.append(Fact("ground truth", evaluation.ground_truth))
+    if evaluation.scans.scans:
+        facts.append(Fact("LiDAR scans", "; ".join(evaluation.scans.sentences)))
     facts.append(Fact("the network was given", _given(evaluation.given)))
     # What all frames have in common has no table.
     alike = {entry.name: entry.groups[0].name for entry in evaluation.groupings if len(entry.groups) == 1}

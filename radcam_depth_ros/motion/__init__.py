@@ -2,9 +2,10 @@
 
 from radcam_depth_ros.motion.links import Memory
 from radcam_depth_ros.motion.mounts import Mounts
+from radcam_depth_ros.motion.own_motion import OwnMotion, own_motion
 from radcam_depth_ros.motion.poses import Poses, interpolate
 from radcam_depth_ros.motion.returns import MOVING_MPS, Displacement, displacement, move
-from radcam_depth_ros.motion.vehicle import Motion, MotionError
+from radcam_depth_ros.motion.vehicle import Motion, MotionError, moves
 
 __all__ = [
     "MOVING_MPS",
@@ -13,8 +14,11 @@ __all__ = [
     "Motion",
     "MotionError",
     "Mounts",
+    "OwnMotion",
     "Poses",
     "displacement",
     "interpolate",
     "move",
+    "moves",
+    "own_motion",
 ]

@@ -19,6 +19,12 @@ class MotionError(RadcamDepthError):
     """Odometry that does not say what moves, or a time of which nobody knows where the vehicle was."""
 
 
+def moves(transforms: TransformTree, anchor: str, link: StampedTransform) -> bool:
+    """Whether a link of /tf tells how a frame moves: it is fixed to the link's child, and not to its parent as well."""
+    parent, child = link.parent_frame.lstrip("/"), link.child_frame.lstrip("/")
+    return transforms.can_transform(anchor, child) and not transforms.can_transform(anchor, parent)
+
+
 class Motion:
     """Poses of the vehicle over time, filled from messages.
 
@@ -26,8 +32,8 @@ class Motion:
         topic: Where they come from.
         is_odometry: They are nav_msgs/Odometry, else tf2_msgs/TFMessage.
         transforms: The vehicle's frames.
-        anchor: The camera's frame. Of /tf's links the one counts whose child is fixed to it: of map -> odom ->
-            base_link that is the second.
+        anchor: The camera's frame. Of /tf's links the one counts whose child is fixed to it, and whose parent is not:
+            of map -> odom -> base_link that is the second.
         odom_frame: A frame that stands still. With it all of /tf's links between it and the anchor count, and must be
             in `transforms` as well.
         memory: How much is kept.
@@ -82,7 +88,7 @@ class Motion:
             if self._odom_frame:
                 if child in above:
                     self._links.add(link.parent_frame.lstrip("/"), child, link.stamp_ns, link.parent_from_child)
-            elif self._transforms.can_transform(self.anchor, child):
+            elif moves(self._transforms, self.anchor, link):
                 self._add_base(link.parent_frame, child, link.stamp_ns, link.parent_from_child)
 
     def at(self, time_ns: int) -> RigidTransform | None:

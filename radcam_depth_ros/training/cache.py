@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros import configuration
-from radcam_depth_ros.drive import DriveSettings, Sample, read_samples
+from radcam_depth_ros.drive import DriveSettings, Sample, ScanSummary, ScanUse, read_samples
 from radcam_depth_ros.estimator import radar_columns
 from radcam_depth_ros.frame import CameraModel, FloatArray
 from radcam_depth_ros.geometry import CanonicalCamera
@@ -110,8 +110,17 @@ def _tell_notes(drives: Sequence[CachedDrive], on_note: Callable[[str], None]) -
         for note in drive.card.notes:
             sources.setdefault(note, []).append(drive.card.source)
     for note, bags in sources.items():
-        others = f" and {len(bags) - 1} more bags" if len(bags) > 1 else ""
-        on_note(f"{bags[0]}{others}: {note}")
+        on_note(f"{_some(bags)}: {note}")
+    # Where all were moved there is nothing to know.
+    unmoved = [drive.card for drive in drives if drive.card.scans.as_they_lie.scans or drive.card.scans.left_out.scans]
+    if unmoved:
+        scans = ScanSummary.joined(card.scans for card in unmoved)
+        on_note(f"{_some([card.source for card in unmoved])}: LiDAR scans: {'; '.join(scans.sentences)}")
+
+
+def _some(bags: Sequence[str]) -> str:
+    others = f" and {len(bags) - 1} more bags" if len(bags) > 1 else ""
+    return f"{bags[0]}{others}"
 
 
 def build_drive(bag: Path, place: Path, settings: CacheSettings) -> None:
@@ -184,8 +193,11 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
     camera: CameraModel | None = None
     radars: tuple[str, ...] = ()
     notes: list[str] = []
+    scans: list[ScanUse] = []
     with SampleWriter(folder) as writer:
         for sample in read_samples(bag, settings.drive, notes.append):
+            if sample.scan is not None:
+                scans.append(sample.scan)
             if sample.source == "none":
                 continue
             plan = CanonicalCamera.plan(sample.frame.camera, settings.focal_length_px)
@@ -196,13 +208,15 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
                 )
             writer.write(_at_focal_length(sample, plan, settings), sample.frame.stamp_ns)
             radars = sample.radars
+        summary = ScanSummary.of(scans)
         if camera is None:
             raise TrainingError(
                 f"{bag} has no frame with ground truth; training needs a depth image topic, or a LiDAR topic with "
-                "stamps near the images'"
+                "stamps near the images'" + "".join(f"; of the scans {found}" for found in summary.sentences)
             )
         mapping = configuration.as_mapping(settings)
-        writer.finish(DriveCard(FORMAT_VERSION, str(bag), *stat, mapping, len(writer), camera, radars, tuple(notes)))
+        card = DriveCard(FORMAT_VERSION, str(bag), *stat, mapping, len(writer), camera, radars, tuple(notes), summary)
+        writer.finish(card)
 
 
 def _at_focal_length(sample: Sample, plan: CanonicalCamera, settings: CacheSettings) -> TrainingSample:

@@ -17,19 +17,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from radcam_depth_ros.drive import ScanSummary
 from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane, ImageArray, RadcamDepthError
 
 ValueT = TypeVar("ValueT", bound=np.generic)
 
-FORMAT_VERSION = 3
-"""Counts changes of the layout above, and of how images are resampled; a cache of another version is built again."""
+FORMAT_VERSION = 4
+"""Counts changes of the layout above, of how images are resampled, and of how ground truth is made: from 4 on LiDAR
+scans are moved to the images' time. A cache of another version is built again."""
 
 RADAR_COLUMNS = 6
 """u px, v px, depth m, rcs dBsm, radial speed m/s, age s: what networks are given, NaN where unknown."""
@@ -96,6 +98,7 @@ class DriveCard:
         camera: The network's camera: its size is that of the images.
         radars: Names of the radars, in the order of their source index.
         notes: What the bag lacks, a sentence each.
+        scans: How its LiDAR scans became ground truth.
     """
 
     version: int
@@ -107,6 +110,7 @@ class DriveCard:
     camera: CameraModel
     radars: tuple[str, ...]
     notes: tuple[str, ...]
+    scans: ScanSummary = field(default_factory=ScanSummary)
 
     def write(self, path: Path) -> None:
         """Writes the card as JSON."""
@@ -123,6 +127,7 @@ class DriveCard:
             values = json.loads(path.read_text(encoding="utf-8"))
             values["camera"] = CameraModel(**values["camera"])
             values["radars"], values["notes"] = tuple(values["radars"]), tuple(values["notes"])
+            values["scans"] = ScanSummary.from_mapping(values["scans"])
             return cls(**values)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise TrainingError(f"{path} does not describe a cached drive ({error}); delete its folder") from None

@@ -93,8 +93,8 @@ def test_without_motion_the_nearest_scan_serves_with_a_warning(write_drive_with:
 def test_by_default_the_nearest_scan_is_the_ground_truth(write_drive_with: Write) -> None:
     for index, sample in enumerate(read_samples(write_drive_with())):
         assert (sample.source, sample.depth_single_m) == ("lidar", None)
-        # As it is, at its own time.
-        np.testing.assert_allclose(sample.depth_m[sample.depth_m > 40], wall_depth_m(index) - 0.1, atol=0.02)
+        # Moved, where the bag tells the motion: the vehicle drives 0.1 m in the 0.02 s after the image.
+        np.testing.assert_allclose(sample.depth_m[sample.depth_m > 40], wall_depth_m(index), atol=0.02)
 
 
 def test_what_shows_through_gaps_goes_and_what_is_beside_stays() -> None:
@@ -141,10 +141,18 @@ def share_right(depth_m: FloatArray, exact_m: FloatArray) -> float:
     return float((np.abs(depth_m[known] - exact_m[known]) < 0.05 * exact_m[known] + 0.3).mean())
 
 
+def depths_of(drive: Path, settings: DriveSettings) -> list[FloatArray]:
+    return [sample.depth_m for sample in read_samples(drive, settings)]
+
+
 @pytest.mark.timeout(300)
 def test_many_scans_of_a_street_agree_with_its_exact_depth(street: Path) -> None:
-    exact = [sample.depth_m for sample in read_samples(street, DriveSettings(ground_truth="exact"))]
+    exact = depths_of(street, DriveSettings(ground_truth="exact"))
     many = list(read_samples(street, dataclasses.replace(MANY, max_lidar_offset_s=0.11)))
+    uncut = DriveSettings(
+        ground_truth="lidar", max_lidar_offset_s=0.11, accumulation=AccumulationConfig(occlusion_px=0.0)
+    )
+    uncut_shares = [share_right(*pair) for pair in zip(depths_of(street, uncut), exact, strict=True)]
     shares, single_shares, errors, gains = [], [], [], []
     for sample, truth in zip(many, exact, strict=True):
         assert sample.depth_single_m is not None
@@ -153,10 +161,12 @@ def test_many_scans_of_a_street_agree_with_its_exact_depth(street: Path) -> None
         single_shares.append(share_right(sample.depth_single_m, truth))
         errors.append(np.abs(sample.depth_m[near] - truth[near]).mean())
         gains.append(np.isfinite(sample.depth_m).sum() / np.isfinite(sample.depth_single_m).sum())
-    # Measured: 0.974 within 5 % + 0.3 m, at least 0.958 (a single scan 0.942), 0.35 m, 6.6 times as many pixels. Many
-    # of the rest are pixels at edges, which are wide in so small an image.
+    # Measured: 0.974 within 5 % + 0.3 m, at least 0.958, 0.35 m, 7 times as many pixels as a single scan, which has
+    # 0.964 (0.944 with what shows through gaps). Many of the rest are pixels at edges, which are wide in so small an
+    # image.
     assert np.mean(shares) > 0.965
     assert min(shares) > 0.95
-    assert 1 - np.mean(shares) < 0.6 * (1 - np.mean(single_shares))
+    assert 1 - np.mean(shares) < 0.6 * (1 - np.mean(uncut_shares))
+    assert np.mean(uncut_shares) + 0.01 < np.mean(single_shares) < np.mean(shares)
     assert np.mean(errors) < 0.45
     assert min(gains) > 3.5

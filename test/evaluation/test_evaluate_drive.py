@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from radcam_depth_ros.drive import Sample
+from radcam_depth_ros.drive import Sample, ScanUse
 from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, evaluate_drive, evaluate_drives, resize_result
 from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
 from radcam_depth_ros.evaluation.plots import plots_of
@@ -47,6 +47,23 @@ def test_a_drive_is_measured():
     assert evaluation.baselines["ground_nearest"].within(50).frames == 1
     with pytest.raises(EvaluationError, match="50, 70, 80 m, got 60 m"):
         evaluation.dense.within(60)
+
+
+def test_how_lidar_scans_were_used_is_told():
+    uses = [ScanUse("as_it_lies", 0.02), ScanUse("moved", 0.04, 0.5), ScanUse("left_out", 0.01, reason="no pose")]
+    samples = [dataclasses.replace(make_sample(source="lidar"), scan=use) for use in uses]
+    evaluation = evaluate_drive(samples, result_of)
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))["lidar_scans"]
+    assert {name: group["scans"] for name, group in plain.items()} == {"moved": 1, "as_they_lie": 1, "left_out": 1}
+    assert plain["moved"]["mean_offset_ms"] == pytest.approx(40)
+    assert plain["moved"]["mean_shift_m"] == pytest.approx(0.5)
+    assert plain["left_out"]["reason"] == "no pose"
+    (fact,) = [fact.value for fact in facts_of(evaluation) if fact.name == "LiDAR scans"]
+    for words in ("1 moved", "1 taken as they lie", "0.20 m at 10 m/s", "1 left out", "no pose"):
+        assert words in fact
+    exact = evaluate_drive([make_sample()], result_of)
+    assert exact.as_json()["lidar_scans"] is None
+    assert not [fact for fact in facts_of(exact) if fact.name == "LiDAR scans"]
 
 
 def test_the_json_has_what_is_promised():

@@ -166,3 +166,14 @@ def test_all_moving_links_below_the_frame_that_stands_still_count() -> None:
     nowhere.accept_links(links)
     assert nowhere.at(SECOND) is None
     assert "no pose of 'camera' in 'earth'" in nowhere.why_unknown(SECOND + 1)
+
+
+def test_a_link_between_two_frames_of_the_vehicle_is_no_motion() -> None:
+    transforms, still = TransformTree(), RigidTransform.identity()
+    transforms.set("base", "mount", still)
+    transforms.set("mount", "camera", still)
+    motion = Motion("/tf", is_odometry=False, transforms=transforms, anchor="camera")
+    motion.accept_links([StampedTransform("base", "mount", 0, still), StampedTransform("base", "wheel", 0, still)])
+    assert motion.base_frame is None
+    motion.accept_links([StampedTransform("odom", "base", 0, still)])
+    assert motion.base_frame == "base"
