@@ -58,9 +58,12 @@ class Watchdog:
         return not self._heard(source) or self.silence_s(source) is not None
 
     def trouble(self) -> str:
-        """Says that no depth came out for long, and why; empty while depth comes, or may still come."""
+        """Says that no depth came out for long, and why; empty while depth comes, or may still come.
+
+        Depth cannot come while the network is warmed up, so that time does not count.
+        """
         session, silent_s = self._session, self._since_s(self._session.frames_out)
-        if silent_s <= NO_OUTPUT_S:
+        if min(silent_s, session.warm_up.age_s()) <= NO_OUTPUT_S:
             return ""
         inputs = session.inputs
         needed = (inputs.camera, inputs.camera_info, *inputs.radars, inputs.extrinsics, inputs.motion)
