@@ -37,7 +37,9 @@ def inspect(
     if params is None:
         return
     if report.suggestion is None:
-        raise RadcamDepthError(f"{params} is not written, since no parameters fit {bag}: {report.missing}")
+        # The table's last line has said why.
+        why = "as told above" if json_target is None else report.missing
+        raise RadcamDepthError(f"{params} is not written, since no parameters fit {bag}: {why}")
     inspection.write_parameters(params, report.suggestion, bag.name)
     Console(stderr=True).print(
         f"parameters: {params}; start the node with --ros-args --params-file {params}", markup=False, soft_wrap=True
