@@ -37,8 +37,8 @@ def inspect(
     if params is None:
         return
     if report.suggestion is None:
-        # The table's last line has said why.
-        why = "as told above" if json_target is None else report.missing
+        # Beside the tables it has been said why.
+        why = "see above" if json_target is None else report.missing
         raise RadcamDepthError(f"{params} is not written, since no parameters fit {bag}: {why}")
     inspection.write_parameters(params, report.suggestion, bag.name)
     Console(stderr=True).print(

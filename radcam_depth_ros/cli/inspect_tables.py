@@ -24,7 +24,8 @@ def print_report(report: Report) -> None:
     for finding in report.findings:
         console.print(f"{finding.severity}: {finding.text}", style=_STYLES[finding.severity], markup=False)
     if report.missing:
-        console.print(f"cannot be replayed: {report.missing}", markup=False)
+        is_told = any(report.missing in finding.text for finding in report.findings)
+        console.print(f"cannot be replayed: {'see above' if is_told else report.missing}", markup=False)
     elif not report.findings:
         console.print("nothing is missing")
 
