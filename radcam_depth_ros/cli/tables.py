@@ -57,7 +57,7 @@ def print_table(
 def _grid(
     columns: Sequence[str], rows: Iterable[Sequence[str]], justify: JustifyMethod, *, has_lines: bool = True
 ) -> Table:
-    table = Table() if has_lines else Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    table = Table() if has_lines else Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for index, column in enumerate(columns):
         table.add_column(Text(column), justify=justify if index else "left", no_wrap=True)
     for row in rows:
