@@ -15,7 +15,7 @@ import struct
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,10 +28,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rich.console import Console
-from rich.table import Table
 
 from demo.process import DemoError, NodeProcess, keep_to_this_machine
 from radcam_depth_ros.cli.options import write_json
+from radcam_depth_ros.cli.tables import print_table
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node.factory import build_message, message_class
@@ -271,31 +271,35 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
+def print_rates(rates: Sequence[Mapping[str, Any]]) -> None:
+    """Prints the figures of each size, as `Rate.as_json` gives them."""
+    rows = tuple(
+        (
+            f"{rate['height']} x {rate['width']}",
+            str(rate["frames_per_s"]),
+            *("" if value is None else str(value) for value in rate["latency_ms"].values()),
+            *(str(rate[name]) for name in ("sent", "dropped", "node_cpu", "feeder_cpu")),
+        )
+        for rate in rates
+    )
+    columns = ("image", "frames/s", "median ms", "p90 ms", "p99 ms", "sent", "dropped", "node CPU", "feeder CPU")
+    note = "Latency: from publishing an image to its depth's arrival. CPU: processor seconds a second."
+    print_table(Console(), "depth frames a second of the live node", columns, rows, note)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Measures each size and prints a table."""
     options = _arguments(arguments)
     keep_to_this_machine()
-    table = Table(title="depth frames a second of the live node", title_justify="left")
-    for column in ("image", "frames/s", "median ms", "p90", "p99", "sent", "dropped", "node CPU", "feeder"):
-        table.add_column(column, justify="right", no_wrap=True)
-    rates = []
-    for camera in options.size or [_camera("448x800")]:
-        try:
-            rates.append(measure(camera, options).as_json())
-        except DemoError as error:
-            print(f"node_rate: {error}", file=sys.stderr)
-            return 1
-        row = rates[-1]
-        table.add_row(
-            f"{row['height']} x {row['width']}",
-            str(row["frames_per_s"]),
-            *(str(value) for value in row["latency_ms"].values()),
-            *(str(row[name]) for name in ("sent", "dropped", "node_cpu", "feeder_cpu")),
-        )
+    try:
+        rates = [measure(camera, options).as_json() for camera in options.size or [_camera("448x800")]]
+    except DemoError as error:
+        print(f"node_rate: {error}", file=sys.stderr)
+        return 1
     if options.json:
         write_json({"points": options.points, "sizes": rates}, options.json)
     if options.json != "-":
-        Console().print(table)
+        print_rates(rates)
     return 0
 
 

@@ -13,7 +13,6 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table as RichTable
 
 from demo.measure import CAMERA_INFO, CONFIDENCE, DEPTH, SEMI_DENSE, Traffic, measure, write_page
 from demo.plan import Plan, plan_drive
@@ -21,6 +20,7 @@ from demo.process import DemoError, NodeProcess, keep_to_this_machine
 from demo.recorder import Recorder
 from demo.session import Session, await_discovery, ros_node, spinning
 from radcam_depth_ros.bags import BagReader
+from radcam_depth_ros.cli.tables import print_table
 from radcam_depth_ros.evaluation.tables import Table, summary_table
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS
@@ -112,12 +112,7 @@ def _progress(images: int) -> Iterator[Callable[[], None]]:
 
 
 def _print(table: Table) -> None:
-    rich_table = RichTable(title=table.title, caption=table.note or None, title_justify="left", caption_justify="left")
-    for index, column in enumerate(table.columns):
-        rich_table.add_column(column, justify="right" if index else "left")
-    for row in table.rows:
-        rich_table.add_row(*row)
-    Console().print(rich_table)
+    print_table(Console(), table.title, table.columns, table.rows, table.note)
 
 
 def main() -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from rich.console import Console
-from rich.table import Table
 
 from radcam_depth_ros.benchmarking.figures import AgainstFigures, PairFigures, Report, SizeFigures, StageFigures
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT
 from radcam_depth_ros.benchmarking.stages import GFLOP_COUNTING
+from radcam_depth_ros.cli.tables import print_table
 
 COLUMNS = ("median ms", "p99 ms", "GFLOP", "of best", "MiB")
 
@@ -31,50 +30,62 @@ def print_report(report: Report) -> None:
         f"{described.network}, weights: {described.weights}, {described.mode}; engine: {described.engine}", markup=False
     )
     for entry in report.sizes:
-        console.print(_stage_table(entry))
-    console.print(_whole_table(report))
+        _print_stages(console, entry)
+    _print_whole(console, report)
     if report.against:
         _print_against(console, report.against)
 
 
-def _stage_table(entry: SizeFigures) -> Table:
-    table = _table(f"stages at {entry.size}, {entry.rounds} rounds", ("stage", *COLUMNS))
-    table.caption = (
-        "resample and resample back: for a camera whose image has twice the rows and columns; they are not in the whole"
+def _print_stages(console: Console, entry: SizeFigures) -> None:
+    print_table(
+        console,
+        f"stages at {entry.size}, {entry.rounds} rounds",
+        ("stage", *COLUMNS),
+        tuple((stage.name, *_cells(stage)) for stage in entry.stages),
+        "resample and resample back: for a camera whose image has twice the rows and columns; they are not in the "
+        "whole",
     )
-    for stage in entry.stages:
-        table.add_row(stage.name, *_cells(stage))
-    return table
 
 
-def _whole_table(report: Report) -> Table:
-    table = _table("whole network", ("image", "points", *COLUMNS, "frames/s"))
-    table.caption = f"GFLOP: {GFLOP_COUNTING}; MiB: the peak of a process that does nothing else"
-    for entry in report.sizes:
-        size, whole = entry.size, entry.whole
-        table.add_row(f"{size.height} x {size.width}", str(size.points), *_cells(whole), f"{1e3 / whole.median_ms:.1f}")
-    return table
+def _print_whole(console: Console, report: Report) -> None:
+    rows = tuple(
+        (
+            f"{entry.size.height} x {entry.size.width}",
+            str(entry.size.points),
+            *_cells(entry.whole),
+            f"{1e3 / entry.whole.median_ms:.1f}",
+        )
+        for entry in report.sizes
+    )
+    note = f"GFLOP: {GFLOP_COUNTING}; MiB: the peak of a process that does nothing else"
+    print_table(console, "whole network", ("image", "points", *COLUMNS, "frames/s"), rows, note)
 
 
 def _print_against(console: Console, against: AgainstFigures) -> None:
-    other = against.other
-    table = _table(
-        f"against {against.spec}",
-        ("image", "points", "other image", "points", "ms", "other ms", "ratio", "p10", "p90", "MiB", "other MiB"),
-    )
-    table.caption = f"other: {other.network}, weights: {other.weights}, {other.mode}; engine: {other.engine}"
+    other, rows = against.other, []
     for pair in against.pairs:
         mine, others = pair.subject, pair.other
-        table.add_row(
-            f"{mine.size.height} x {mine.size.width}",
-            str(mine.size.points),
-            f"{others.size.height} x {others.size.width}",
-            str(others.size.points),
-            *(_number(value) for value in (mine.median_ms, others.median_ms)),
-            *(_number(pair.quantile(share)) for share in (0.5, 0.1, 0.9)),
-            *(_number(value) for value in (mine.peak_memory_mb, others.peak_memory_mb)),
+        rows.append(
+            (
+                f"{mine.size.height} x {mine.size.width}",
+                str(mine.size.points),
+                f"{others.size.height} x {others.size.width}",
+                str(others.size.points),
+                *(_number(value) for value in (mine.median_ms, others.median_ms)),
+                *(_number(pair.quantile(share)) for share in (0.5, 0.1, 0.9)),
+                *(_number(value) for value in (mine.peak_memory_mb, others.peak_memory_mb)),
+            )
         )
-    console.print(table)
+    print_table(
+        console,
+        f"against {against.spec}",
+        (
+            *("image", "points", "other image", "other points", "median ms", "other median ms"),
+            *("ratio", "ratio p10", "ratio p90", "MiB", "other MiB"),
+        ),
+        rows,
+        f"other: {other.network}, weights: {other.weights}, {other.mode}; engine: {other.engine}",
+    )
     for pair in against.pairs:
         console.print(_pair_line(pair))
     if against.drive:
@@ -92,13 +103,6 @@ def _pair_line(pair: PairFigures) -> str:
     if math.isfinite(pair.depth_difference):
         line += f"; dense depth differs by {100 * pair.depth_difference:.3f} % (median, made-up image)"
     return line
-
-
-def _table(title: str, columns: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left", caption_justify="left")
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="right" if index else "left", no_wrap=True)
-    return table
 
 
 def _cells(figures: StageFigures) -> tuple[str, ...]:

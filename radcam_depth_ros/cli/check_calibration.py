@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from radcam_depth_ros.cli.node_parameters import OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.options import Bag, ImageOption, JsonOption, RadarOption, progress_bar, write_json
+from radcam_depth_ros.cli.tables import print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.calibration import Report, SensorReport
@@ -100,7 +100,7 @@ def _print(report: Report) -> None:
     console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
     console.print(report.verdict, style=_STYLES[report.verdict])
     for sensor in report.sensors:
-        console.print(_places(sensor))
+        _print_places(console, sensor)
     console.print(
         "score: 1 where no other place fits better in anything; view: share in the image; road: share not below it; "
         "lidar: near its points; doppler: as odometry has it; sweeps: at one place before and after",
@@ -116,15 +116,13 @@ def _print(report: Report) -> None:
         console.print(f"only the first {report.seconds_read:.0f} of {report.seconds:.0f} s were read", markup=False)
 
 
-def _places(sensor: SensorReport) -> Table:
-    table = Table(title=f"{sensor.topic}: {sensor.verdict}", title_justify="left")
-    table.add_column("placed", overflow="fold")
-    for name in _COLUMNS:
-        table.add_column(name, no_wrap=True)
-    for fit in (*((sensor.given,) if sensor.given else ()), *sensor.alternatives[:_ALTERNATIVES]):
-        figures = ("" if (value := getattr(fit, name)) is None else f"{value:.2f}" for name in _COLUMNS)
-        table.add_row(fit.name, *figures)
-    return table
+def _print_places(console: Console, sensor: SensorReport) -> None:
+    fits = (*((sensor.given,) if sensor.given else ()), *sensor.alternatives[:_ALTERNATIVES])
+    rows = tuple(
+        (fit.name, *("" if (value := getattr(fit, name)) is None else f"{value:.2f}" for name in _COLUMNS))
+        for fit in fits
+    )
+    print_table(console, f"{sensor.topic}: {sensor.verdict}", ("placed", *_COLUMNS), rows)
 
 
 def _tell(console: Console, verdict: str, sentence: str) -> None:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table as RichTable
 from rich.text import Text
 
 from radcam_depth_ros.cli.node_parameters import OUTPUT, ParamsOption, node_parameters
@@ -28,6 +27,7 @@ from radcam_depth_ros.cli.options import (
     progress_bar,
     write_json,
 )
+from radcam_depth_ros.cli.tables import print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings, Sample
@@ -239,9 +239,4 @@ def _print(facts: Iterable[Fact], tables: Iterable[Table]) -> None:
         # Not as markup: a path may hold brackets.
         console.print(Text.assemble((f"{fact.name}: ", "dim"), fact.value))
     for table in tables:
-        shown = RichTable(title=table.title, title_justify="left", caption=table.note or None, caption_justify="left")
-        for index, column in enumerate(table.columns):
-            shown.add_column(column, justify="right" if index else "left", no_wrap=True)
-        for row in table.rows:
-            shown.add_row(*row)
-        console.print(shown)
+        print_table(console, table.title, table.columns, table.rows, table.note)

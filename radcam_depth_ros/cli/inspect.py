@@ -46,7 +46,9 @@ def inspect(
     if target is None:
         return
     if report.suggestion is None:
-        raise RadcamDepthError(f"{target} is not written, since no parameters fit {bag}: {report.missing}")
+        # Beside the tables it has been said why.
+        why = "see above" if json_target is None else report.missing
+        raise RadcamDepthError(f"{target} is not written, since no parameters fit {bag}: {why}")
     inspection.write_parameters(target, report.suggestion, bag.name)
     Console(stderr=True).print(
         f"parameters: {target}; start the node with --ros-args --params-file {target}", markup=False, soft_wrap=True

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 
 from rich.console import Console
-from rich.table import Table
 
+from radcam_depth_ros.cli.tables import print_table
 from radcam_depth_ros.inspection import CameraFacts, CloudFacts, Report, TopicFacts
 
 _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
@@ -15,28 +15,24 @@ _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 def print_report(report: Report) -> None:
     """Prints everything to the terminal."""
     console = Console()
-    console.print(_topics(report))
-    console.print(_contents(report))
+    _print_topics(console, report)
+    print_table(console, "contents", ("topic", "what it has"), tuple(_contents(report)), justify="left")
     if report.frames:
         console.print("frames:", *(f"  {line}" for line in report.frames), sep="\n", markup=False)
     if report.extrinsics:
-        console.print(_radars(report))
+        _print_radars(console, report)
     for finding in report.findings:
         console.print(f"{finding.severity}: {finding.text}", style=_STYLES[finding.severity], markup=False)
     if report.missing:
-        console.print(f"cannot be replayed: {report.missing}", markup=False)
+        is_told = any(report.missing in finding.text for finding in report.findings)
+        console.print(f"cannot be replayed: {'see above' if is_told else report.missing}", markup=False)
     elif not report.findings:
         console.print("nothing is missing")
 
 
-def _topics(report: Report) -> Table:
-    columns = ("topic", "type", "taken for", "n", "hz", "jitter ms", "gap s", "after ms", "frame")
-    table = _table(f"{report.bag}, {report.seconds:.1f} s", columns)
-    table.caption = (
-        "jitter: of 95 % of the intervals; gap: the longest; after: from a message's stamp to its recording, median"
-    )
-    for topic in report.topics:
-        table.add_row(
+def _print_topics(console: Console, report: Report) -> None:
+    rows = tuple(
+        (
             topic.topic,
             topic.type.rsplit("/", 1)[-1] + _quality(topic),
             topic.role,
@@ -44,7 +40,16 @@ def _topics(report: Report) -> Table:
             *(_number(value) for value in (topic.hz, topic.jitter_ms, topic.largest_gap_s, topic.delay_ms)),
             " ".join(frame or '""' for frame in topic.frame_ids),
         )
-    return table
+        for topic in report.topics
+    )
+    print_table(
+        console,
+        f"{report.bag}, {report.seconds:.1f} s",
+        ("topic", "type", "taken for", "n", "hz", "jitter ms", "gap s", "after ms", "frame"),
+        rows,
+        "jitter: of 95 % of the intervals; gap: the longest; after: from a message's stamp to its recording, median",
+        justify="left",
+    )
 
 
 def _quality(topic: TopicFacts) -> str:
@@ -52,16 +57,15 @@ def _quality(topic: TopicFacts) -> str:
     return f" ({', '.join(words)})" if words else ""
 
 
-def _contents(report: Report) -> Table:
-    table = _table("contents", ("topic", "what it has"))
+def _contents(report: Report) -> Iterator[tuple[str, str]]:
+    """Topics and what they hold."""
     for image in report.images:
         size = f", {image.width} x {image.height} pixels" if image.width else ""
-        table.add_row(image.topic, f"{image.encoding}{size}")
+        yield image.topic, f"{image.encoding}{size}"
     for camera in report.cameras:
-        table.add_row(camera.topic, _camera(camera))
+        yield camera.topic, _camera(camera)
     for cloud in report.clouds:
-        table.add_row(cloud.topic, _cloud(cloud))
-    return table
+        yield cloud.topic, _cloud(cloud)
 
 
 def _camera(camera: CameraFacts) -> str:
@@ -87,29 +91,22 @@ def _cloud(cloud: CloudFacts) -> str:
     return f"{fields}; taken for {told}; {median} points ({least} to {most})"
 
 
-def _radars(report: Report) -> Table:
-    table = _table(
-        "radars",
-        ("topic", "place m", "looks right deg", "nearest sweep ms", "p95 ms", "clock ms"),
-    )
-    table.caption = (
-        "place: in the camera's frame, right, down, forward; nearest sweep: its stamp minus the image's, median; "
-        "clock: how far its stamps are ahead of the images', by the recorder's clock"
-    )
-    offsets = {facts.topic: facts for facts in report.offsets}
+def _print_radars(console: Console, report: Report) -> None:
+    offsets, rows = {facts.topic: facts for facts in report.offsets}, []
     for facts in report.extrinsics:
         place = "unknown" if facts.position_m is None else ", ".join(f"{value:.2f}" for value in facts.position_m)
         offset = offsets.get(facts.topic)
         times = (offset.median_ms, offset.p95_ms, offset.clock_ms) if offset else (None, None, None)
-        table.add_row(facts.topic, place, *(_number(value) for value in (facts.heading_deg, *times)))
-    return table
-
-
-def _table(title: str, columns: Iterable[str]) -> Table:
-    table = Table(title=title, title_justify="left", caption_justify="left")
-    for index, column in enumerate(columns):
-        table.add_column(column, overflow="fold", no_wrap=index == 0)
-    return table
+        rows.append((facts.topic, place, *(_number(value) for value in (facts.heading_deg, *times))))
+    print_table(
+        console,
+        "radars",
+        ("topic", "place m", "looks right deg", "nearest sweep ms", "p95 ms", "clock ms"),
+        rows,
+        "place: in the camera's frame, right, down, forward; nearest sweep: its stamp minus the image's, median; "
+        "clock: how far its stamps are ahead of the images', by the recorder's clock",
+        justify="left",
+    )
 
 
 def _number(value: float | None) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from radcam_depth_ros.cli.options import JsonOption, write_json
+from radcam_depth_ros.cli.tables import print_table
 
 
 def networks(json_target: JsonOption = None) -> None:
@@ -21,13 +21,12 @@ def networks(json_target: JsonOption = None) -> None:
     if json_target is not None:
         write_json(entries, json_target)
         return
-    table = Table(title="networks")
-    for column in ("name", "what it is", "parameters", "its weights were trained on"):
-        table.add_column(column)
+    rows = []
     for entry in entries:
         trained_on = entry["training_data"] if entry["weights"] else f"none come with it: {entry['train']}"
-        table.add_row(entry["name"], entry["about"], f"{entry['parameters'] / 1e6:.2f} M", trained_on)
-    Console().print(table)
+        rows.append((entry["name"], entry["about"], f"{entry['parameters'] / 1e6:.2f} M", trained_on))
+    columns = ("name", "what it is", "parameters", "its weights were trained on")
+    print_table(Console(), "networks", columns, rows, justify="left")
 
 
 def _entry(name: str) -> dict[str, Any]:

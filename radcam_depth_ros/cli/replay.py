@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from radcam_depth_ros.cli.node_parameters import ParamsOption, node_parameters
 from radcam_depth_ros.cli.options import (
@@ -22,6 +21,7 @@ from radcam_depth_ros.cli.options import (
     load_estimator,
     progress_bar,
 )
+from radcam_depth_ros.cli.tables import print_table
 
 
 def replay(
@@ -119,8 +119,6 @@ def replay(
             options,
             lambda done, total: progress.update(task, completed=done, total=total),
         )
-    table = Table(title=str(out))
-    for column in ("images", "depth images", "without radar in view"):
-        table.add_column(column, justify="right")
-    table.add_row(str(summary.images), str(summary.frames), str(summary.without_radar))
-    Console(stderr=True).print(table)
+    counts = (str(summary.images), str(summary.frames), str(summary.without_radar))
+    columns = ("images", "depth images", "without radar in view")
+    print_table(Console(stderr=True), str(out), columns, (counts,))

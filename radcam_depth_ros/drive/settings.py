@@ -116,9 +116,9 @@ class DriveSettings:
         ground_truth: `exact` depth images, `lidar`, `both` (exact, and the nearest scan besides), `any` (exact where
             there is, else LiDAR), or `none`.
         accumulate: Whether LiDAR depth is that of many scans, with the nearest one besides: `never`, `where_possible`
-            (a bag without the vehicle's motion gives the nearest scan as it lies, with a warning) or `always`. Where the
-            bag tells the vehicle's motion, scans are moved to the image's time in any case; those that cannot be moved
-            are left out.
+            (a bag without the vehicle's motion gives the nearest scan as it lies, with a warning) or `always`. Where
+            the bag tells the vehicle's motion, scans are moved to the image's time in any case; those that cannot be
+            moved are left out.
         accumulation: How scans are accumulated.
         max_lidar_offset_s: The farthest that a LiDAR scan may lie from its image in time.
     """

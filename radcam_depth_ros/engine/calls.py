@@ -80,12 +80,11 @@ class PlainCalls:
             return each(depths, torch.Tensor.cpu)
 
     def warm_up(self, height: int, width: int) -> None:
-        """Runs frames of that size until the network is specialised; at once where it is."""
-        # TorchScript profiles the first call and optimises in the second. What comes out serves all sizes: a first
-        # frame of another size is not measurably slower than those after it.
-        if not self._is_specialised:
-            for _ in range(CALLS_TO_SPECIALISE):
-                self.run(*blank_frame(height, width, WARM_UP_RETURNS))
+        """Runs frames of that size until the next one is as fast as those after it."""
+        # TorchScript profiles the first call and optimises in the second, once for all sizes. What the libraries keep
+        # for each size, they make in one call.
+        for _ in range(1 if self._is_specialised else CALLS_TO_SPECIALISE):
+            self.run(*blank_frame(height, width, WARM_UP_RETURNS))
         self._is_specialised = True
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from functools import partial
 
 import torch
 from torch import Tensor, nn
@@ -12,7 +11,6 @@ from radcam_depth_ros.engine.calls import PlainCalls
 from radcam_depth_ros.engine.graphs import CudaGraphs
 from radcam_depth_ros.engine.memory import give_back_memory, keep_freed_memory
 from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
-from radcam_depth_ros.engine.threads import apart
 from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
 from radcam_depth_ros.networks.number_formats import convert
@@ -86,12 +84,12 @@ class Engine:
         return self._calls.run(image, radar, ground)
 
     def warm_up(self, height: int, width: int) -> None:
-        """Makes frames of a size as fast as they will be; at once where that has been done for the size."""
+        """Makes frames of a size as fast as they will be; at once where that has been done for the size.
+
+        It computes in the calling thread, which is best the one that calls `run`; see `apart` for another.
+        """
         if (height, width) not in self._sizes:
-            if isinstance(self._calls, CudaGraphs):
-                self._calls.warm_up(height, width)
-            else:
-                apart(partial(self._calls.warm_up, height, width))
+            self._calls.warm_up(height, width)
             self._sizes.add((height, width))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock
@@ -17,7 +18,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
-from radcam_depth_ros.engine import give_back_memory
+from radcam_depth_ros.engine import apart, give_back_memory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, RadcamDepthError
 from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
@@ -199,7 +200,8 @@ class RadcamDepthNode(LifecycleNode):
                 "set model_file to an empty text to use the network's own weights",
             )
         estimator = self._make_estimator(config)
-        estimator.warm_up(_canonical_camera(estimator))
+        # Not in this thread, which would keep threads of its own for computing.
+        apart(partial(estimator.warm_up, _canonical_camera(estimator)))
         return estimator
 
     def _new_pipeline(self) -> Pipeline:

@@ -135,6 +135,12 @@ class Problems:
             problem = self._present.get(part)
             return None if problem is None or problem.over else problem.sentence
 
+    def is_logged(self, part: str) -> bool:
+        """Whether the log has the sentence of a part's problem, or the same with other numbers."""
+        with self._lock:
+            problem = self._present.get(part)
+            return problem is not None and _kind(part, problem.sentence) in self._logged
+
     def history(self, *parts: str) -> tuple[tuple[str, str], ...]:
         """How many problems parts had and the last one of each, as diagnostics values."""
         with self._lock:
@@ -149,7 +155,7 @@ class Problems:
             )
 
     def _is_due(self, part: str, sentence: str, now_ns: int) -> bool:
-        key = (part, re.sub(r"\d+(\.\d+)?", "#", sentence))
+        key = _kind(part, sentence)
         last_ns = self._logged.get(key)
         if last_ns is not None and now_ns - last_ns < self._interval_ns:
             return False
@@ -158,6 +164,11 @@ class Problems:
         if len(self._logged) > self._KINDS_KEPT:
             self._logged.popitem(last=False)
         return True
+
+
+def _kind(part: str, sentence: str) -> tuple[str, str]:
+    """What sentences that differ in numbers only have in common."""
+    return part, re.sub(r"\d+(\.\d+)?", "#", sentence)
 
 
 class Rate:

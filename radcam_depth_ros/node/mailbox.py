@@ -10,11 +10,15 @@ ItemT = TypeVar("ItemT")
 
 
 class Mailbox(Generic[ItemT]):
-    """Holds the newest item only, so that a slow reader is never behind by more than the item it works on."""
+    """Holds the newest item only, so that a slow reader is never behind by more than the item it works on.
+
+    Beside the item it holds a preparation: a call that the reader makes before it takes the next item.
+    """
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._item: ItemT | None = None
+        self._preparation: Callable[[], None] | None = None
         self._closed = False
         self._dropped = 0
 
@@ -32,18 +36,30 @@ class Mailbox(Generic[ItemT]):
             self._item = item
             self._changed.notify()
 
-    def take(self) -> ItemT | None:
-        """Waits for an item; None when the mailbox was closed."""
+    def prepare(self, call: Callable[[], None]) -> None:
+        """Leaves a preparation, in place of one that still waits. After `close` this does nothing."""
         with self._changed:
-            self._changed.wait_for(lambda: self._closed or self._item is not None)
-            item, self._item = self._item, None
-            return item
+            if not self._closed:
+                self._preparation = call
+                self._changed.notify()
+
+    def take(self) -> ItemT | None:
+        """Waits for an item, and makes preparations while it waits; None when the mailbox was closed."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closed or self._item is not None or self._preparation is not None)
+                preparation, self._preparation = self._preparation, None
+                if preparation is None:
+                    item, self._item = self._item, None
+                    return item
+            # Not under the lock: items come meanwhile.
+            preparation()
 
     def close(self) -> None:
         """Throws away what waits and wakes the reader for good."""
         with self._changed:
             self._closed = True
-            self._item = None
+            self._item = self._preparation = None
             self._changed.notify_all()
 
 
@@ -70,6 +86,14 @@ class Worker(Generic[ItemT]):
     def put(self, item: ItemT) -> None:
         """Hands over an item, in place of one that still waits."""
         self._mailbox.put(item)
+
+    def prepare(self, call: Callable[[], None]) -> None:
+        """Has a call made in the thread before the next item, in place of one that still waits.
+
+        Args:
+            call: What to do. It handles its own errors.
+        """
+        self._mailbox.prepare(call)
 
     def close(self, timeout_s: float | None = None) -> bool:
         """Ends the thread after the item it works on; False when that took longer than `timeout_s`."""

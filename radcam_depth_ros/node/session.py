@@ -23,6 +23,7 @@ from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
 from radcam_depth_ros.node.mailbox import Worker
 from radcam_depth_ros.node.outputs import Outputs
 from radcam_depth_ros.node.stamps import StampOffset, Stamps
+from radcam_depth_ros.node.warm_up import WarmUp
 from radcam_depth_ros.pairing import for_each_radar
 from radcam_depth_ros.pipeline import Pipeline
 
@@ -88,6 +89,7 @@ class Session:
         self._is_motion_told = False
         self._is_closed = False
         self._worker: Worker[Ticket] = Worker(self._work, "radcam_depth")
+        self.warm_up = WarmUp(pipeline, self._worker, self._on_inference_error)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._expiry = node.create_timer(EXPIRY_PERIOD_S, self._on_expiry, clock=steady)
         self._subscriptions: dict[Input, Subscription] = {}
@@ -139,6 +141,8 @@ class Session:
             self._on_defect(source.part, error)
         else:
             self._judge(source, message, now_ns)
+            if source is self.inputs.camera_info:
+                self.warm_up.follow()
             self._hand_over(frames)
 
     def _accept(self, source: Input, message: Any, now_ns: int) -> tuple[Frame, ...]:
@@ -204,7 +208,6 @@ class Session:
         frame, outputs = ticket.frame, self._outputs
         taken_ns = self.busy_since_ns = time.monotonic_ns()
         try:
-            self.pipeline.warm_up(frame.camera)
             result = self.pipeline.estimate(frame, classes=outputs.is_wanted("classes"))
             estimated_ns = time.monotonic_ns()
             if result is None:
@@ -214,13 +217,9 @@ class Session:
                 frame, result, preview=outputs.is_wanted("preview"), points=outputs.is_wanted("points")
             )
             outputs.publish(messages)
-        except RadcamDepthError as error:
-            self.frames_failed += 1
-            self._problems.report("inference", Level.ERROR, str(error))
         except Exception as error:  # the boundary: a frame must never take the worker down
             self.frames_failed += 1
-            if not self._is_closed:
-                self._on_defect("inference", error)
+            self._on_inference_error(error)
         else:
             now_ns = time.monotonic_ns()
             times = FrameTimes(ticket.arrived_ns, ticket.decoded_ns, taken_ns, estimated_ns, now_ns)
@@ -231,6 +230,12 @@ class Session:
             self._judge_view(len(frame.radar), result.radar_in_view)
         finally:
             self.busy_since_ns = None
+
+    def _on_inference_error(self, error: Exception) -> None:
+        if isinstance(error, RadcamDepthError):
+            self._problems.report("inference", Level.ERROR, str(error))
+        elif not self._is_closed:
+            self._on_defect("inference", error)
 
     def _on_suppressed(self) -> None:
         self.frames_suppressed += 1

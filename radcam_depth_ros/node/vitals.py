@@ -227,6 +227,10 @@ class Vitals:
         problem = self._problems.tell("inference")
         if problem:
             return Status("inference", *problem, values)
+        camera = session.warm_up.camera
+        if camera is not None:
+            sentence = f"the network is being warmed up for images of {camera.width} x {camera.height} pixels"
+            return Status("inference", Level.STALE, sentence, values)
         latency = session.latencies.percentiles_ms("latency")
         if not latency:
             return Status("inference", Level.STALE, "no frame was processed yet", values)

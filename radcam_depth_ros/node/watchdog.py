@@ -57,20 +57,26 @@ class Watchdog:
             return not self._heard(source)
         return not self._heard(source) or self.silence_s(source) is not None
 
-    def trouble(self) -> str:
-        """Says that no depth came out for long, and why; empty while depth comes, or may still come."""
+    def trouble(self, *, is_for_log: bool = False) -> str:
+        """Says that no depth came out for long, and why; empty while depth comes, or may still come.
+
+        Depth cannot come while the network is warmed up, so that time does not count.
+
+        Args:
+            is_for_log: A sentence that the log has already is not repeated.
+        """
         session, silent_s = self._session, self._since_s(self._session.frames_out)
-        if silent_s <= NO_OUTPUT_S:
+        if min(silent_s, session.warm_up.age_s()) <= NO_OUTPUT_S:
             return ""
         inputs = session.inputs
         needed = (inputs.camera, inputs.camera_info, *inputs.radars, inputs.extrinsics, inputs.motion)
         lacking = [source for source in needed if source is not None and self.lacks(source)]
-        reasons = [self._reason(source) for source in lacking]
+        reasons = [self._reason(source, is_for_log) for source in lacking]
         told = {source.part for source in lacking}
         if inputs.camera_info in lacking or inputs.extrinsics in lacking:
             told.add("frame")  # Without them there is none, which is said better above.
         for part in _ELSEWHERE:
-            problem = self._problems.peek(part)
+            problem = self._problem(part, is_for_log)
             if problem and part not in told:
                 reasons.append(f"{part}: {problem}")
         busy_since_ns = session.busy_since_ns
@@ -82,7 +88,7 @@ class Watchdog:
 
     def news(self) -> str:
         """What `trouble` says, the first time that it says something; empty otherwise, until depth came again."""
-        was_silent, trouble = self._was_silent, self.trouble()
+        was_silent, trouble = self._was_silent, self.trouble(is_for_log=True)
         self._was_silent = bool(trouble)
         return "" if was_silent else trouble
 
@@ -94,9 +100,15 @@ class Watchdog:
     def _heard(self, source: Input) -> bool:
         return self._session.rates[source.part].count > 0
 
-    def _reason(self, source: Input) -> str:
+    def _problem(self, part: str, is_for_log: bool) -> str:
+        """The sentence of a part's problem, or where the log has it; empty where there is none."""
+        if is_for_log and self._problems.peek(part) and self._problems.is_logged(part):
+            return f'see the line above that begins with "{part}:"'
+        return self._problems.peek(part) or ""
+
+    def _reason(self, source: Input, is_for_log: bool) -> str:
         publishers = self._graph.publishers(source, self._session.qos(source))
         what = f"{source.type_name} on {source.topic} ({publishers})"
         if source is self._session.inputs.camera_info and self._heard(self._session.inputs.camera):
             what = f"images come, but no {what}"
-        return f"{what}: {self._problems.peek(source.part) or self.why_silent(source)}"
+        return f"{what}: {self._problem(source.part, is_for_log) or self.why_silent(source)}"

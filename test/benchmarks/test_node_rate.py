@@ -55,3 +55,19 @@ def test_each_size_is_seen_at_the_networks_focal_length(size: str, focal_px: flo
 def test_a_node_that_cannot_start_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert node_rate.main(["--size", "32x64", "--parameter", "network:=nonsense"]) == 1
     assert "nonsense" in capsys.readouterr().err
+
+
+def test_its_table_can_be_read_at_80_columns(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    sizes = [node_rate.Rate(height, 2048, 20.0, 12345, (1234.5, 45678.9), 1.98, 0.77) for height in (618, 1024, 1536)]
+    node_rate.print_rates([size.as_json() for size in sizes])
+    node_rate.print_rates([node_rate.Rate(448, 800, 20.0, 0, (), 0.0, 0.1).as_json()])
+    output = capsys.readouterr().out
+    assert max(map(len, output.splitlines())) <= 80
+    assert "…" not in output
+    for value in ("618 x 2048", "12345", "0.1", "23456.7", "45234.5", "41234.5", "12343", "1.98", "0.77"):
+        assert value in output
+    for column in ("frames/s", "median ms", "p90 ms", "p99 ms", "sent", "dropped", "node CPU", "feeder CPU"):
+        assert column in output

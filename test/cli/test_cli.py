@@ -92,14 +92,22 @@ def test_inspect(tmp_path: Path, write_drive: Callable[..., Path]) -> None:
 
 
 def test_inspect_writes_parameters_that_the_node_takes(
-    tmp_path: Path, write_drive: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    write_drive: Callable[..., Path],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     target = tmp_path / "node.yaml"
     assert run("inspect", write_drive(tmp_path / "drive.mcap"), "--write-params", target).exit_code == 0
     parameters = yaml.safe_load(target.read_text(encoding="utf-8"))["/**"]["ros__parameters"]
     assert parameters["radar_topics"] == ["/radar/points"]
     blind = write_drive(tmp_path / "blind.mcap", without=("/camera/image_raw",))
+    capsys.readouterr()
     assert run_main(monkeypatch, "inspect", blind, "--write-params", tmp_path / "no.yaml") == 2
+    told = capsys.readouterr()
+    missing = json.loads(run("inspect", blind, "--json", "-").stdout)["missing"]
+    assert missing
+    assert " ".join(f"{told.out} {told.err}".split()).count(" ".join(missing.split())) == 1
     assert not (tmp_path / "no.yaml").exists()
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import copy
+import threading
 
 import pytest
 import torch
@@ -166,6 +167,23 @@ def test_a_size_is_warmed_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for size in ((64, 96), (64, 96), (32, 64), (64, 96)):
         engine.warm_up(*size)
     assert seen == [(64, 96), (32, 64)]
+
+
+def test_the_first_size_is_run_twice_and_each_other_once_in_the_calling_thread(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    engine = Engine(tiny(), precision="float32")
+    run, seen = engine._calls.run, []
+
+    def noted(image: torch.Tensor, *others: torch.Tensor) -> Depths:
+        seen.append((*image.shape[:2], threading.current_thread()))
+        return run(image, *others)
+
+    monkeypatch.setattr(engine._calls, "run", noted)
+    for size in ((64, 96), (64, 96), (32, 64), (64, 96), (32, 96)):
+        engine.warm_up(*size)
+    here = threading.current_thread()
+    assert seen == [(64, 96, here), (64, 96, here), (32, 64, here), (32, 96, here)]
 
 
 def test_batch_norms_are_folded_before_weights_are_rounded() -> None:

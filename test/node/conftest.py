@@ -57,7 +57,8 @@ INPUTS = {
 class FakeEstimator:
     """Depth is the number of returns in front of the camera, and 1 m more; takes as long as it is told.
 
-    Keeps the stamps of its frames, and the places of the returns by stamp.
+    Keeps the stamps of its frames, the places of the returns by stamp, and for which camera it was warmed up in which
+    thread.
     """
 
     config: EstimatorConfig
@@ -66,6 +67,7 @@ class FakeEstimator:
     tells_classes: bool = False
     stamps_ns: list[int] = field(default_factory=list)
     radar_m: dict[int, np.ndarray] = field(default_factory=dict)
+    warmed_up: list[tuple[CameraModel, str]] = field(default_factory=list)
     card: Any = field(default_factory=lambda: SimpleNamespace(focal_length_px=100.0))
 
     def describe(self) -> str:
@@ -79,7 +81,7 @@ class FakeEstimator:
         self.config = config
 
     def warm_up(self, camera: CameraModel) -> None:
-        assert camera.width > 0
+        self.warmed_up.append((camera, threading.current_thread().name))
 
     def estimate(self, frame: Frame, *, classes: bool = True) -> DepthResult:
         time.sleep(self.seconds)

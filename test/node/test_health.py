@@ -55,6 +55,15 @@ def test_the_same_is_logged_again_after_a_while(lines: list[str]) -> None:
     assert lines == ["camera: dark"] * 2
 
 
+def test_it_is_known_what_the_log_has(problems: Problems) -> None:
+    problems.report("camera", Level.ERROR, "got 5 bytes", quietly=True)
+    assert not problems.is_logged("camera")
+    problems.report("camera", Level.ERROR, "got 6 bytes")
+    problems.report("camera", Level.ERROR, "got 7 bytes")
+    assert problems.is_logged("camera")
+    assert not problems.is_logged("radar")
+
+
 def test_kinds_of_sentences_do_not_pile_up(problems: Problems) -> None:
     for index in range(1000):
         problems.report("camera", Level.ERROR, "x" * index)

@@ -78,3 +78,31 @@ def test_a_worker_takes_the_last_of_many() -> None:
     assert worker.close(timeout_s=5)
     assert done == [0, 9]
     assert worker.dropped == 8
+
+
+def test_the_last_preparation_is_made_before_the_next_item_and_drops_none() -> None:
+    is_busy, may_go_on, is_done, is_ready = (threading.Event() for _ in range(4))
+    done: list[str] = []
+
+    def work(item: str) -> None:
+        is_busy.set()
+        assert may_go_on.wait(5)
+        done.append(item)
+        if item == "second":
+            is_done.set()
+
+    worker = Worker(work, "test")
+    worker.put("first")
+    assert is_busy.wait(5)
+    worker.prepare(lambda: done.append("a preparation that the next one replaces"))
+    worker.put("second")
+    worker.prepare(lambda: done.append(threading.current_thread().name))
+    may_go_on.set()
+    assert is_done.wait(5)
+    worker.prepare(is_ready.set)
+    assert is_ready.wait(5)  # without any item
+    assert done == ["first", "test", "second"]
+    assert worker.dropped == 0
+    assert worker.close(timeout_s=5)
+    worker.prepare(lambda: done.append("after the end"))
+    assert len(done) == 3

@@ -25,6 +25,24 @@ def test_no_camera_info(start: Callable[..., Any]) -> None:
     assert len([line for line in bench.logs if "no usable camera_info" in line]) == 1
 
 
+def test_the_log_has_an_error_s_sentence_once(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(watchdog, "NO_OUTPUT_S", 0.3)
+    bench = start()
+    bench.connect()
+    info = bench.camera_info()
+    info.k[0] = info.p[0] = 0.0
+    bench.send_until(
+        lambda: [line for line in bench.logs if "no depth for" in line],
+        lambda: bench.send_pair(camera_info=info),
+        what="its line",
+    )
+    assert len([line for line in bench.logs if "calibrate the camera" in line]) == 1
+    (line,) = [line for line in bench.logs if "no depth for" in line]
+    assert "camera_info:" in line
+    # Diagnostics are read one at a time: each has all of it.
+    bench.send_until(lambda: "calibrate the camera" in bench.diagnostics[-1]["output"].message)
+
+
 def test_no_transform(start: Callable[..., Any], extrinsics: list[float]) -> None:
     bench = start(camera_from_radar=None)
     bench.connect()
