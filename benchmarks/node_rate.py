@@ -259,7 +259,8 @@ def _camera(size: str) -> CameraModel:
     return CameraModel(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
 
 
-def _arguments(arguments: list[str] | None) -> argparse.Namespace:
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """The command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--size", action="append", type=_camera, help="HEIGHTxWIDTH; repeat it for several [448x800]")
     parser.add_argument("--points", type=int, default=60, help="radar points a frame [60]")
@@ -289,7 +290,7 @@ def print_rates(rates: Sequence[Mapping[str, Any]]) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Measures each size and prints a table."""
-    options = _arguments(arguments)
+    options = parse(arguments)
     keep_to_this_machine()
     try:
         rates = [measure(camera, options).as_json() for camera in options.size or [_camera("448x800")]]

@@ -41,7 +41,7 @@ class EstimatorConfig:
         model_file: A weight file (.safetensors with its card, or an exported .pt) in place of `network`.
         device: `cpu` or `cuda`, or `cuda:1` and so on.
         precision: `float32`, `bfloat16`, or `auto`: see `engine.choose`.
-        threads: CPU threads of the network; 0 leaves torch's choice.
+        threads: CPU threads of the network; 0 takes as many as other work on the computer leaves cores.
         output_size: `native` gives depth at the image's size, `network` at the size that the network worked at.
     """
 
@@ -58,7 +58,7 @@ class EstimatorConfig:
         if self.precision not in PRECISIONS:
             raise EstimatorError(f"precision must be one of {', '.join(PRECISIONS)}, got {self.precision!r}")
         if self.threads < 0:
-            raise EstimatorError(f"threads must be 0 (torch's choice) or more, got {self.threads}")
+            raise EstimatorError(f"threads must be 0 (as many as are free) or more, got {self.threads}")
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def radar_columns(radar: RadarReturns, camera: CameraModel, max_depth_m: float) 
 
 def _load(config: EstimatorConfig, loaded: Archive | None) -> tuple[Card, Engine]:
     source = loaded or archive.load(config.model_file or config.network)
-    return source.card, Engine(source.network, config.device, config.precision)
+    return source.card, Engine(source.network, config.device, config.precision, threads=config.threads)
 
 
 class Estimator:
@@ -148,6 +148,16 @@ class Estimator:
             f"{card.network} ({card.training_data}; {card.min_depth_m:g} to {card.max_depth_m:g} m, focal length "
             f"{card.focal_length_px:g} px) on {self.config.device} in {self._engine.describe()}"
         )
+
+    @property
+    def precision(self) -> str:
+        """The number format of the network: `float32` or `bfloat16`."""
+        return self._engine.precision
+
+    @property
+    def threads(self) -> int:
+        """CPU threads of the network, where nothing else runs on the computer."""
+        return self._engine.threads
 
     @property
     def tells_classes(self) -> bool:

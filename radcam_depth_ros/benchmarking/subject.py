@@ -68,7 +68,7 @@ class Subject:
         precision: `auto`, `float32` or `bfloat16`, as the engine takes it.
         mode: `frozen` or `eager`, as the engine takes it.
         device: `cpu`, or `cuda` and so on.
-        threads: CPU threads; 0 leaves torch's choice.
+        threads: CPU threads; 0 as the engine takes it.
     """
 
     network: str = "baff"
@@ -162,7 +162,8 @@ class Running:
     def start(cls, subject: Subject) -> Running:
         """Loads a subject; errors as `Subject.load`."""
         loaded = subject.load()
-        return cls(subject, loaded, Engine(loaded.network, subject.device, subject.precision, subject.mode))
+        engine = Engine(loaded.network, subject.device, subject.precision, subject.mode, subject.threads)
+        return cls(subject, loaded, engine)
 
     @property
     def resolved(self) -> Subject:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import torch
 from torch import Tensor, nn
 
 from radcam_depth_ros.engine.calls import PlainCalls
 from radcam_depth_ros.engine.graphs import CudaGraphs
+from radcam_depth_ros.engine.load import usable_cores
 from radcam_depth_ros.engine.memory import give_back_memory, keep_freed_memory
 from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
+from radcam_depth_ros.engine.sharing import ThreadBudget
 from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
 from radcam_depth_ros.networks.number_formats import convert
@@ -29,13 +33,19 @@ class Engine:
         device: `cpu`, `cuda`, `cuda:1` and so on.
         precision: One of `PRECISIONS`; see `precision.choose`.
         mode: One of `MODES`.
+        threads: CPU threads; 0 takes as many as other work on the computer leaves cores, at most torch's number.
 
     Raises:
         EngineError: when the device is not there, or the network cannot be run as asked.
     """
 
     def __init__(
-        self, network: nn.Module, device: str | torch.device = "cpu", precision: str = "auto", mode: str = "frozen"
+        self,
+        network: nn.Module,
+        device: str | torch.device = "cpu",
+        precision: str = "auto",
+        mode: str = "frozen",
+        threads: int = 0,
     ) -> None:
         if mode not in MODES:
             raise EngineError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
@@ -55,11 +65,20 @@ class Engine:
             self._calls = PlainCalls(archive.freeze(network, dtype), place, dtype)
             give_back_memory()
         self._sizes: set[tuple[int, int]] = set()
+        self._threads = threads or min(torch.get_num_threads(), usable_cores())
+        self._budget: ThreadBudget | None = None
+        if threads == 0 and self._threads > 1 and place.type == "cpu" and mode == "frozen":
+            self._budget = ThreadBudget(self._threads, usable_cores())
 
     @property
     def precision(self) -> str:
         """The number format of weights and maps: `float32` or `bfloat16`."""
         return self._format.name
+
+    @property
+    def threads(self) -> int:
+        """CPU threads, where nothing else runs on the computer."""
+        return self._threads
 
     def describe(self) -> str:
         """One line: the number format, why, and how the network is called where that is not the usual way."""
@@ -81,7 +100,24 @@ class Engine:
             whole factor; and `classes` (1, 1, H, W) uint8 where the network gives them. The memory is the caller's:
             later frames do not write it.
         """
-        return self._calls.run(image, radar, ground)
+        with self._sharing():
+            return self._calls.run(image, radar, ground)
+
+    @contextmanager
+    def _sharing(self) -> Iterator[None]:
+        """Takes the threads that the computer has to spare, for one frame."""
+        budget = self._budget
+        if budget is None:
+            torch.set_num_threads(self._threads)
+            yield
+            return
+        # Of the thread that computes; what it had is what comes next begins with.
+        torch.set_num_threads(budget.begin())
+        try:
+            yield
+        finally:
+            budget.end()
+            torch.set_num_threads(self._threads)
 
     def warm_up(self, height: int, width: int) -> None:
         """Makes frames of a size as fast as they will be; at once where that has been done for the size.

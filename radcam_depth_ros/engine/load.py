@@ -1,0 +1,88 @@
+"""What else runs on the computer: cores that this process may use, how busy they are, how long its threads wait."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+PROC, CGROUP = Path("/proc"), Path("/sys/fs/cgroup")
+_IDLE_FIELDS = (3, 4)
+"""Of a line of /proc/stat: idle and waiting for a disk."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """Times since the computer or the process started; only differences between two of them tell something.
+
+    Attributes:
+        at_s: When this was read, seconds of a steady clock.
+        busy_s: Seconds that the cores which this process may use were busy, all together; NaN where it is not told.
+        own_s: Seconds that this process computed, all of its threads together.
+        waited_s: Seconds that its threads were ready to run and waited for a core; NaN where it is not told.
+    """
+
+    at_s: float
+    busy_s: float
+    own_s: float
+    waited_s: float
+
+    @classmethod
+    def now(cls) -> Load:
+        """What the computer says now; Linux alone tells all of it."""
+        return cls(time.monotonic(), _busy_s(), time.process_time(), _waited_s())
+
+
+def usable_cores() -> int:
+    """Cores that this process may use: by its affinity (taskset, a container's cpuset) and its control group's quota."""
+    allowed = len(_allowed_cores())
+    quota = min(_quotas(), default=math.inf)
+    return max(1, min(allowed, int(quota + 0.5) if math.isfinite(quota) else allowed))
+
+
+def _allowed_cores() -> set[int]:
+    if hasattr(os, "sched_getaffinity"):
+        return os.sched_getaffinity(0)
+    return set(range(os.cpu_count() or 1))
+
+
+def _quotas() -> Iterator[float]:
+    """Cores by the quota of control groups, versions 2 and 1, as a container sees its own."""
+    for limit, period in (("cpu.max", None), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
+        try:
+            words = (CGROUP / limit).read_text(encoding="ascii").split()
+            if period is not None:
+                words += (CGROUP / period).read_text(encoding="ascii").split()
+            if float(words[0]) > 0 and float(words[1]) > 0:
+                yield float(words[0]) / float(words[1])
+        except (OSError, ValueError, IndexError):
+            continue  # another version, or `max`: no quota
+
+
+def _busy_s() -> float:
+    allowed, ticks = _allowed_cores(), 0
+    try:
+        lines = (PROC / "stat").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return math.nan
+    for line in lines:
+        name, *values = line.split()
+        if name.startswith("cpu") and name[3:].isdecimal() and int(name[3:]) in allowed:
+            # Guests' time is within the user's; what the host took (steal) was not to be had.
+            ticks += sum(int(value) for index, value in enumerate(values[:8]) if index not in _IDLE_FIELDS)
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def _waited_s() -> float:
+    """The second number of each thread's schedstat, nanoseconds."""
+    total_ns, known = 0, False
+    for task in (PROC / "self" / "task").glob("*/schedstat"):
+        try:
+            total_ns += int(task.read_text(encoding="ascii").split()[1])
+            known = True
+        except (OSError, ValueError, IndexError):
+            continue  # a thread that has just ended
+    return 1e-9 * total_ns if known else math.nan
