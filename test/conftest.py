@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import warnings
@@ -36,7 +37,15 @@ REAL_DRIVES = Path(__file__).parents[2] / "shared" / "data"
 def _quiet_machine(tmp_path_factory: pytest.TempPathFactory) -> None:
     """ROS logs to a temporary folder; one thread for torch, so that results do not depend on the machine's load."""
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+    os.environ["OMP_NUM_THREADS"] = "1"  # in processes that tests start; their threads would wait for a core, spinning
     torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_objects_to_collect() -> None:
+    """Many tests collect garbage by hand: half a second each time, were modules and tests looked through as well."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
