@@ -40,7 +40,7 @@ class EstimatorConfig:
         network: Name of a network whose weights come with the package.
         model_file: A weight file (.safetensors with its card, or an exported .pt) in place of `network`.
         device: `cpu` or `cuda`, or `cuda:1` and so on.
-        precision: `float32`, `bfloat16`, or `auto`: whichever the machine is faster in, as a measurement at start says.
+        precision: `float32`, `bfloat16`, or `auto`: see `engine.choose`.
         threads: CPU threads of the network; 0 leaves torch's choice.
         output_size: `native` gives depth at the image's size, `network` at the size that the network worked at.
     """

@@ -5,7 +5,7 @@ The live node and the replay of a bag both drive it, so that both give the same 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from radcam_depth_ros.estimator import Estimator
@@ -91,6 +91,16 @@ class PipelineConfig(IntakeConfig):
     """
 
     output: OutputConfig = field(default_factory=OutputConfig)
+
+    @classmethod
+    def of(cls, intake: IntakeConfig, output: OutputConfig) -> PipelineConfig:
+        """The config of its two parts."""
+        return cls(**{entry.name: getattr(intake, entry.name) for entry in fields(IntakeConfig)}, output=output)
+
+    @property
+    def intake(self) -> IntakeConfig:
+        """What is read, without how it is written."""
+        return IntakeConfig(**{entry.name: getattr(self, entry.name) for entry in fields(IntakeConfig)})
 
 
 @dataclass(frozen=True)

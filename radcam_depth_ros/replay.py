@@ -90,8 +90,8 @@ def replay(
     """
     settings, options = settings or DriveSettings(), options or ReplayOptions()
     with BagReader(source) as reader:
-        topics = settings.topics(reader)
-        config = PipelineConfig(**settings.intake(topics).__dict__, output=options.output)
+        topics = settings.find_topics(reader)
+        config = PipelineConfig.of(settings.intake_of(topics), options.output)
         pipeline = Pipeline(config, estimator, factory)
         prime(reader, pipeline, topics)
         images = reader.count([topics.image])

@@ -32,6 +32,56 @@ with warnings.catch_warnings(), suppress(ImportError):
 
 REAL_DRIVES = Path(__file__).parents[2] / "shared" / "data"
 
+SLOW_FIXTURES = {"context", "number_format", "record", "small_structured", "small_weights"}
+"""Tests that ask for one of these are slow: a live node, a simulated drive, a network that is made ready to run."""
+SLOW_PLACES = (
+    "networks/test_networks.py",
+    "training/test_processes.py",
+    "training/test_every_network.py",
+    "benchmarks",
+    "cli/test_bench_verb.py",
+    "demo/test_demo.py",
+    "test_estimator.py",
+    "training/test_backbones.py",
+    "training/test_distillation.py",
+    "training/test_fit.py",
+    "training/test_initial.py",
+    "training/test_rehearsal.py",
+    "training/test_teacher.py",
+    "training/test_train_verb.py",
+    "node/test_process.py",
+    "simulation",
+    "drive",
+    "engine",
+    "benchmarking",
+    "cli/test_cli.py",
+    "evaluation/test_evaluate_command.py",
+    "networks/test_archive.py",
+    "test_architecture.py",
+)
+"""Folders and files whose tests are slow, those first that take longest."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Marks what is slow, and brings its files to the front: no worker has a long one left when all else is done."""
+    places: dict[str, int] = {}
+    for item in items:
+        place = _place_among_slow(item)
+        if place < len(SLOW_PLACES) + 1:
+            item.add_marker("slow")
+        file = item.nodeid.partition("::")[0]
+        places[file] = min(place, places.get(file, place))
+    items.sort(key=lambda item: places[item.nodeid.partition("::")[0]])
+
+
+def _place_among_slow(item: pytest.Item) -> int:
+    path = item.path.relative_to(Path(__file__).parent)
+    parts = {str(path), *map(str, path.parents)}
+    listed = [index for index, place in enumerate(SLOW_PLACES) if place in parts]
+    is_costly = not SLOW_FIXTURES.isdisjoint(getattr(item, "fixturenames", ()))
+    return min(listed, default=len(SLOW_PLACES) + (not is_costly))
+
 
 @pytest.fixture(scope="session", autouse=True)
 def _quiet_machine(tmp_path_factory: pytest.TempPathFactory) -> None:
@@ -46,6 +96,13 @@ def _few_objects_to_collect() -> None:
     """Many tests collect garbage by hand: half a second each time, were modules and tests looked through as well."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(params=["float32", "bfloat16"])
+def number_format(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Runs a test once in each number format, wherever `precision: auto` is taken, in other processes as well."""
+    monkeypatch.setenv("RADCAM_DEPTH_PRECISION", request.param)
+    return str(request.param)
 
 
 @pytest.fixture(scope="session")

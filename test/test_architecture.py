@@ -90,8 +90,8 @@ def test_a_module_imports_only_what_its_room_may(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", MODULES, ids=module_id)
-def test_only_four_rooms_import_ros(path: Path) -> None:
-    if room_of(path) not in {"listening", "node", "parameters", "playing"}:
+def test_only_three_rooms_import_ros(path: Path) -> None:
+    if room_of(path) not in {"listening", "node", "playing"}:
         assert not imports(path)[1] & ROS
 
 
@@ -131,7 +131,7 @@ def test_the_table_has_no_cycle() -> None:
 
 @pytest.mark.parametrize(
     ("missing", "rooms_that_need_it"),
-    [("rclpy", ("listening", "node", "parameters", "playing")), ("embreex", ("simulation",))],
+    [("rclpy", ("listening", "node", "playing")), ("embreex", ("simulation",))],
 )
 def test_all_other_rooms_import_without(missing: str, rooms_that_need_it: tuple[str, ...]) -> None:
     script = f"""

@@ -21,9 +21,13 @@ WALL_M = 2.0
 
 
 class MeasuresAWall(nn.Module):
-    """Depth of a white wall of known width, from its width in pixels: what a network would have to learn."""
+    """Depth of a white wall of known width, from its width in pixels: what a network would have to learn.
+
+    In float32, as all networks make metres; the image comes in the engine's format.
+    """
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        image = image.float()
         width_px = image.mean(dim=1).mean(dim=1).sum(dim=1) / image.mean(dim=1).mean(dim=1).amax(dim=1)
         dense = torch.ones_like(image[:, :1]) * 630.0 * 2.0 / width_px.reshape(-1, 1, 1, 1)
         return Depths(dense, torch.full_like(dense, float("nan")), torch.ones_like(dense))
@@ -74,6 +78,7 @@ def frame(camera: CameraModel, image: np.ndarray, ground: GroundPlane | None = N
     return Frame(7, "camera", image, camera, RadarReturns.empty(), ground or GroundPlane())
 
 
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 @settings(max_examples=30, deadline=None)
 @example(width=300, height=100, focal=850.0, ratio=1.0, share=0.125)
 @given(
@@ -84,7 +89,7 @@ def frame(camera: CameraModel, image: np.ndarray, ground: GroundPlane | None = N
     st.floats(0.1, 0.9),
 )
 def test_a_flat_wall_has_the_same_depth_for_any_camera(
-    width: int, height: int, focal: float, ratio: float, share: float
+    precision: str, width: int, height: int, focal: float, ratio: float, share: float
 ) -> None:
     camera = CameraModel(width, height, focal, focal * ratio, width / 2, height / 2)
     try:
@@ -102,11 +107,12 @@ def test_a_flat_wall_has_the_same_depth_for_any_camera(
     # Soft edges: where a sharp one lies within a pixel, no resampling can tell.
     wall = np.convolve(wall, np.full(7, 1 / 7), "same")
     image = np.broadcast_to(wall.round().astype(np.uint8)[None, :, None], (height, width, 3)).copy()
-    result = estimator(MeasuresAWall()).estimate(frame(camera, image))
+    result = estimator(MeasuresAWall(), EstimatorConfig(precision=precision)).estimate(frame(camera, image))
     assert result.dense.shape == (height, width)
     np.testing.assert_allclose(result.dense, depth_m, rtol=5e-3)
 
 
+@pytest.mark.usefixtures("number_format")
 @pytest.mark.parametrize(
     "camera", [CameraModel(800, 448, 630, 630, 400, 200), CameraModel(1600, 900, 1266, 1266, 810, 440)]
 )
@@ -143,6 +149,7 @@ def test_radar_columns_leave_out_what_cannot_be_seen() -> None:
     assert np.isnan(columns[:, 3:]).all()
 
 
+@pytest.mark.usefixtures("number_format")
 def test_maps_of_a_quarter_of_the_size() -> None:
     camera = CameraModel(64, 32, FOCAL, FOCAL, 32, 16)
     result = estimator(GivesCoarseMaps()).estimate(frame(camera, np.zeros((32, 64, 3), np.uint8)))
@@ -169,6 +176,7 @@ def test_a_network_that_gives_nonsense_is_refused() -> None:
         estimator(GivesNaN()).estimate(frame(camera, np.zeros((32, 64, 3), np.uint8)))
 
 
+@pytest.mark.usefixtures("number_format")
 def test_a_read_only_image_is_taken(small_weights: Path) -> None:
     camera = CameraModel(64, 32, FOCAL, FOCAL, 32, 16)
     image = np.zeros((32, 64, 3), np.uint8)

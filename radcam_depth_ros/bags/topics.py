@@ -52,6 +52,16 @@ _NO_CAMERA_HINTS = (
     "mask",
     "disparity",
 )
+_SET_BY = {
+    "image": "image_topic, or --image",
+    "camera_info": "camera_info_topic",
+    "radar": "radar_topics, or --radar",
+    "lidar": "--lidar",
+    "depth": "--depth",
+    "classes": "another one",
+    "odometry": "odometry_topic",
+}
+"""The node's parameter, or the option, that names a topic of each role."""
 _CLASS_HINTS = ("class", "semantic", "segmentation")
 
 
@@ -99,6 +109,8 @@ def find_topics(
     depth: str | None = None,
     classes: str | None = None,
     odometry: str | None = None,
+    preferred: Sequence[str] = (),
+    image_types: Sequence[str] = IMAGE_TYPES,
     of: str = "the bag",
 ) -> SensorTopics:
     """Tells a bag's sensors from their topics; what is given by name is taken when it exists and fits.
@@ -114,13 +126,15 @@ def find_topics(
         depth: Name of the exact depth images.
         classes: Name of the class images.
         odometry: Name of the odometry.
+        preferred: Of images and radars that are not named: these are taken where they are there.
+        image_types: Types of images that may be the camera's.
         of: What has the topics, for the sentence on what it lacks.
 
     Raises:
         BagError: when the bag has no camera, camera_info or radar, or not what is asked for by name.
     """
-    chooser = TopicChooser(topics, of)
-    image = chooser.named("image", image, IMAGE_TYPES) or chooser.find_image()
+    chooser = TopicChooser(topics, of, preferred, image_types)
+    image = chooser.named("image", image, image_types) or chooser.find_image()
     camera_info = chooser.named("camera_info", camera_info, CAMERA_INFO_TYPES) or chooser.find_camera_info(image)
     if radars is None:
         found_radars = chooser.find_radars()
@@ -145,10 +159,18 @@ class TopicChooser:
     Args:
         topics: `BagReader.topics`.
         of: What has them, for sentences on what it lacks.
+        preferred: Images and radars that are found before all others.
+        image_types: Types of images that may be the camera's.
     """
 
-    def __init__(self, topics: Iterable[TopicInfo], of: str = "the bag") -> None:
-        self._of = of
+    def __init__(
+        self,
+        topics: Iterable[TopicInfo],
+        of: str = "the bag",
+        preferred: Sequence[str] = (),
+        image_types: Sequence[str] = IMAGE_TYPES,
+    ) -> None:
+        self._of, self._preferred, self._image_types = of, tuple(preferred), tuple(image_types)
         self._topics = [topic for topic in topics if topic.count > 0]
 
     def of_type(self, types: Collection[str]) -> list[str]:
@@ -156,20 +178,27 @@ class TopicChooser:
         return [topic.name for topic in self._topics if topic.type_name in types]
 
     def named(self, role: str, name: str | None, types: Sequence[str]) -> str | None:
-        """The name itself, None for None; BagError when no topic of these types has it."""
+        """The name as it is recorded, None for None; BagError when no topic of these types has it."""
         if name is None:
             return None
         fitting = self.of_type(types)
-        if name not in fitting:
-            wanted = " or ".join(types)
-            raise BagError(f"{self._of} has no {role} topic {name} of {wanted}; it has {nearest(name, fitting)}")
-        return name
+        found = next((topic for topic in fitting if topic.strip("/") == name.strip("/")), None)
+        if found is None:
+            raise BagError(
+                f"{self._of} has no {role} topic {name} of {' or '.join(types)}; it has {nearest(name, fitting)}; set "
+                f"{_SET_BY[role]}"
+            )
+        return found
 
     def find_image(self) -> str:
         """The camera's images; BagError when there are none."""
-        images = [name for name in self.of_type(IMAGE_TYPES) if not _has(name, _NO_CAMERA_HINTS)]
+        fitting = self.of_type(self._image_types)
+        known = next((name for name in self._preferred if name in fitting), None)
+        if known is not None:
+            return known
+        images = [name for name in fitting if not _has(name, _NO_CAMERA_HINTS)]
         if not images:
-            raise self._lacks("camera image", IMAGE_TYPES)
+            raise self._lacks("camera image", self._image_types)
         infos = self.of_type(CAMERA_INFO_TYPES)
         with_info = [name for name in images if _sibling_info(name, infos)]
         raw = set(self.of_type(IMAGE_TYPES[:1]))
@@ -190,7 +219,11 @@ class TopicChooser:
 
     def find_radars(self) -> tuple[str, ...]:
         """The radars' clouds, sorted; BagError when there are none."""
-        radars = sorted(name for name in self.of_type(CLOUD_TYPES) if _has(name, _RADAR_HINTS))
+        clouds = self.of_type(CLOUD_TYPES)
+        known = tuple(name for name in self._preferred if name in clouds)
+        if known:
+            return known
+        radars = sorted(name for name in clouds if _has(name, _RADAR_HINTS))
         if not radars:
             raise self._lacks("radar", CLOUD_TYPES)
         return tuple(radars)

@@ -239,6 +239,7 @@ class Report:
         best_gflops: The machine's best rates, GFLOP/s, by precision and kind.
         described: How the network was run.
         sizes: For each size and number of points.
+        advice: What the table of processors says of this one and should say, in a sentence; empty on a GPU.
         against: The comparison, where one was asked for.
     """
 
@@ -246,6 +247,7 @@ class Report:
     best_gflops: dict[str, dict[str, float]]
     described: Description
     sizes: tuple[SizeFigures, ...]
+    advice: str = ""
     against: AgainstFigures | None = None
 
     @property
@@ -262,6 +264,7 @@ class Report:
         return {
             "machine": {**vars(self.machine), "flags": list(self.machine.flags), "best_gflops": best},
             **vars(self.described),
+            "advice": self.advice,
             "gflop_counting": GFLOP_COUNTING,
             "sizes": [size.as_json() for size in self.sizes],
             "against": self.against.as_json() if self.against else None,

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import platform
-import re
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import torch
 from torch.nn import functional
 
 from radcam_depth_ros.benchmarking.rotation import Task, Times
-from radcam_depth_ros.engine import processor_has_bfloat16
+from radcam_depth_ros.engine import Processor, advice
 
 CONVOLUTIONS = ((64, 224, 400), (128, 112, 200), (256, 56, 100))
 """Channels, height and width of the 3 x 3 convolutions: 6.6 GFLOP each, as networks have them at 448 x 800."""
@@ -46,23 +44,18 @@ class Machine:
     @classmethod
     def here(cls, device: str) -> Machine:
         """This machine."""
-        try:
-            text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-        except OSError:
-            text = ""
-        model = re.search(r"^model name\s*: (.*)$", text, re.M)
-        words = set(text.split())
+        processor = Processor.here()
         return cls(
-            cpu=model.group(1) if model else platform.processor(),
+            cpu=processor.name,
             gpu="" if device == "cpu" else torch.cuda.get_device_name(device),
             threads=torch.get_num_threads(),
-            flags=tuple(flag for flag in _FLAGS if flag in words),
+            flags=tuple(flag for flag in _FLAGS if flag in processor.flags),
         )
 
     @property
     def precisions(self) -> tuple[str, ...]:
         """The number formats that it computes in by itself."""
-        return ("float32", "bfloat16") if self.gpu or processor_has_bfloat16() else ("float32",)
+        return ("float32", "bfloat16") if self.gpu or Processor.here().has_bfloat16 else ("float32",)
 
 
 @dataclass(frozen=True)
@@ -115,3 +108,13 @@ def best_gflops(known: Iterable[Probe], times: Iterable[Times]) -> dict[str, dic
         kinds = best.setdefault(probe.precision, {})
         kinds[probe.kind] = max(kinds.get(probe.kind, 0.0), 1e3 * probe.gflop / median_ms)
     return best
+
+
+def precision_advice(best: Mapping[str, Mapping[str, float]]) -> str:
+    """What the table of processors says of this one, and what it should say by these rates, in a sentence.
+
+    Args:
+        best: As `best_gflops` gives it.
+    """
+    rates = [best[precision][CONVOLUTION] if precision in best else math.nan for precision in ("float32", "bfloat16")]
+    return advice(Processor.here(), rates[1] / rates[0])

@@ -7,7 +7,14 @@ from functools import partial
 
 from radcam_depth_ros.benchmarking.comparison import Against, compare
 from radcam_depth_ros.benchmarking.figures import Description, Report, SizeFigures, StageFigures
-from radcam_depth_ros.benchmarking.machine import CONVOLUTION, Machine, Probe, best_gflops, probes
+from radcam_depth_ros.benchmarking.machine import (
+    CONVOLUTION,
+    Machine,
+    Probe,
+    best_gflops,
+    precision_advice,
+    probes,
+)
 from radcam_depth_ros.benchmarking.memory import process_peak_mb
 from radcam_depth_ros.benchmarking.resampling_cost import RESAMPLE, RESAMPLE_BACK, estimator_tasks, resampling_ms
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, Times, Watch, in_rotation
@@ -44,7 +51,8 @@ def measure(
         peak_mb = process_peak_mb(running.resolved, size)
         figures.append(_figures(size, anatomy, times, best[running.engine.precision][CONVOLUTION], peak_mb))
     compared = compare(running, figures, against, schedule, watch) if against else None
-    return Report(machine, best, Description.of(running), tuple(figures), compared)
+    said = "" if machine.gpu else precision_advice(best)
+    return Report(machine, best, Description.of(running), tuple(figures), said, compared)
 
 
 def _time(

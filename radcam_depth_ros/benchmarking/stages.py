@@ -17,6 +17,7 @@ from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Subjec
 from radcam_depth_ros.engine.calls import forward
 from radcam_depth_ros.networks import archive
 from radcam_depth_ros.networks.folding import folded
+from radcam_depth_ros.networks.number_formats import convert
 
 GFLOP_COUNTING = (
     "2 operations a multiply-add, of convolutions, matrix products and attention only, counted by "
@@ -97,7 +98,7 @@ def _eager(network: nn.Module, subject: Subject) -> nn.Module:
         return network
     dtype = getattr(torch, subject.precision)
     if subject.mode == "eager":
-        return copy.deepcopy(network).eval().to(subject.device, dtype)
+        return convert(copy.deepcopy(network).eval(), dtype).to(subject.device)
     return folded(network, dtype, subject.device)
 
 

@@ -56,7 +56,7 @@ def check(
         sensors.append(_judge_lidar(recording, sensors, up))
     progress("comparing", steps - 1, steps)
     offsets_s = for_each_radar(
-        "radar_time_offset_s", settings.pairing.radar_time_offset_s, len(recording.topics.radars)
+        "radar_time_offset_s", settings.intake.pairing.radar_time_offset_s, len(recording.topics.radars)
     )
     times = judge_times(recording, offsets_s)
     progress("comparing", steps, steps)

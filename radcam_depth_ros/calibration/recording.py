@@ -128,17 +128,17 @@ def read_recording(
     if frames < 1:
         raise CalibrationError(f"frames must be at least 1, got {frames}")
     with BagReader(path) as reader:
-        topics = settings.topics(reader)
+        topics = settings.find_topics(reader)
         return _Reading(reader, topics, settings, frames).read(progress)
 
 
 class _Reading:
     def __init__(self, reader: BagReader, topics: SensorTopics, settings: DriveSettings, frames: int) -> None:
         self._reader, self._topics, self._settings = reader, topics, settings
-        config = settings.intake(topics)
+        config = settings.intake_of(topics)
         self._intake, self._aliases = Intake(config), config.field_aliases()
         self._offsets_s = for_each_radar(
-            "radar_time_offset_s", settings.pairing.radar_time_offset_s, len(topics.radars)
+            "radar_time_offset_s", settings.intake.pairing.radar_time_offset_s, len(topics.radars)
         )
         self._seconds = reader.duration_ns / _SECOND
         self._share = min(1.0, _LONGEST_S / self._seconds) if self._seconds > 0 else 1.0
@@ -200,7 +200,7 @@ class _Reading:
 
     def _camera_frame(self) -> str:
         for item in self._reader.messages([self._topics.image]):
-            return str(item.message.header.frame_id)
+            return str(item.message.header.frame_id) or self._settings.intake.camera_frame
         return ""
 
     def _sweep(self, item: BagMessage) -> None:

@@ -25,6 +25,8 @@ def print_report(report: Report) -> None:
             f"best rates in {precision}: convolution {kinds[CONVOLUTION]:.0f} GFLOP/s, matrix product "
             f"{kinds[MATRIX_PRODUCT]:.0f} GFLOP/s"
         )
+    if report.advice:
+        console.print(report.advice, markup=False)
     console.print(
         f"{described.network}, weights: {described.weights}, {described.mode}; engine: {described.engine}", markup=False
     )

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from radcam_depth_ros.cli.node_parameters import OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.options import Bag, ImageOption, JsonOption, RadarOption, progress_bar, write_json
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def check_calibration(
     out: Annotated[Path | None, typer.Option(help="Folder for pictures: radar and LiDAR over the images.")] = None,
     frames: Annotated[int, typer.Option(min=1, help="So many images are looked at, evenly spread.")] = 12,
     json_target: JsonOption = None,
+    params: ParamsOption = None,
     image: ImageOption = None,
     radar: RadarOption = None,
     lidar: Annotated[str | None, typer.Option(help="Topic of the LiDAR; found likewise.")] = None,
@@ -35,8 +37,8 @@ def check_calibration(
         typer.Option(help="Try other extrinsics: x y z qx qy qz qw of each radar, as the node's parameter takes them."),
     ] = None,
     radar_time_offset_s: Annotated[
-        float, typer.Option(help="Added to the radars' stamps, as the node's parameter is.")
-    ] = 0.0,
+        float | None, typer.Option(help="Added to the radars' stamps, as the node's parameter is.", show_default="0.0")
+    ] = None,
     camera_height: Annotated[
         float | None, typer.Option(min=0.1, help="Metres above the road, in place of what the transforms say.")
     ] = None,
@@ -49,17 +51,19 @@ def check_calibration(
     radcam-depth check-calibration out/placed --out out/overlays
     """
     from radcam_depth_ros import calibration
-    from radcam_depth_ros.drive import DriveSettings
-    from radcam_depth_ros.pairing import PairingConfig
 
-    settings = DriveSettings(
-        image=image,
-        radars=tuple(radar) if radar else None,
+    node = node_parameters(
+        params,
+        {
+            "image_topic": image,
+            "radar_topics": radar or None,
+            "odometry_topic": odometry,
+            "camera_from_radar": _numbers(camera_from_radar) or None,
+            "camera_height_m": camera_height,
+            "radar_time_offset_s": radar_time_offset_s,
+        },
+        unused=(*OUTPUT, "estimator."),
         lidar=lidar,
-        odometry=odometry,
-        camera_from_radar=_numbers(camera_from_radar),
-        camera_height_m=camera_height or 0.0,
-        pairing=PairingConfig(radar_time_offset_s=radar_time_offset_s),
     )
     with progress_bar() as bar:
         tasks = {}
@@ -69,7 +73,7 @@ def check_calibration(
                 tasks[stage] = bar.add_task(stage, total=total)
             bar.update(tasks[stage], completed=done, total=total)
 
-        report = calibration.check(bag, settings, frames=frames, out=out, progress=tell)
+        report = calibration.check(bag, node.drive_settings(), frames=frames, out=out, progress=tell)
     if json_target is not None:
         write_json(dataclasses.asdict(report), json_target)
     else:

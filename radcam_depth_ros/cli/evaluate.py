@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,14 +14,16 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from radcam_depth_ros.cli.node_parameters import OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.options import (
-    DeviceOption,
+    DeviceChoice,
     ImageOption,
     JsonOption,
     ModelOption,
-    NetworkOption,
-    PrecisionOption,
+    NetworkChoice,
+    PrecisionChoice,
     RadarOption,
+    estimator_parameters,
     load_estimator,
     progress_bar,
     write_json,
@@ -39,7 +41,8 @@ if TYPE_CHECKING:
 
 def evaluate(
     bags: Annotated[list[Path], typer.Argument(help="Rosbag2 folders, .mcap files, or folders that hold some.")],
-    network: NetworkOption = "baff",
+    params: ParamsOption = None,
+    network: NetworkChoice = None,
     model: ModelOption = None,
     json_target: JsonOption = None,
     report: Annotated[Path | None, typer.Option(help="Write an HTML page with tables, curves and pictures.")] = None,
@@ -61,8 +64,8 @@ def evaluate(
     radar: RadarOption = None,
     lidar: Annotated[str | None, typer.Option(help="Topic of the LiDAR; found likewise.")] = None,
     depth: Annotated[str | None, typer.Option(help="Topic of true depth images; found likewise.")] = None,
-    device: DeviceOption = "cpu",
-    precision: PrecisionOption = "auto",
+    device: DeviceChoice = None,
+    precision: PrecisionChoice = None,
 ) -> None:
     """Measures a network's depth against ground truth, beside what simpler means give.
 
@@ -71,7 +74,6 @@ def evaluate(
     Example: radcam-depth simulate out/test --seed 1000000 --frames 40 &&
     radcam-depth evaluate out/test --report out/evaluation.html
     """
-    from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drives
     from radcam_depth_ros.evaluation.frames import FrameLog
     from radcam_depth_ros.evaluation.metrics import EvaluationError
@@ -79,15 +81,22 @@ def evaluate(
     from radcam_depth_ros.evaluation.tables import Fact, distance_table, facts_of, summary_table
 
     wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
-    settings = DriveSettings(
-        image=image,
-        radars=tuple(radar) if radar else None,
+    node = node_parameters(
+        params,
+        {
+            "image_topic": image,
+            "radar_topics": radar or None,
+            "camera_height_m": camera_height,
+            **estimator_parameters(network, model, device, precision),
+        },
+        unused=OUTPUT,
         lidar=lidar,
         depth=depth,
-        camera_height_m=camera_height or 0.0,
     )
+    settings = node.drive_settings()
     sources = _find_sources(bags, settings, limit)
-    estimator = load_estimator(network, model, device, precision)
+    # How depth is written is no part of what is measured.
+    estimator = load_estimator(replace(node.config.estimator, output_size="native"))
     measuring = EvaluationSettings(estimator.card.network, camera_height, clip, wanted)
     log, keeper = FrameLog(), PanelKeeper() if report else None
 
@@ -159,7 +168,7 @@ def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | 
     sources = []
     for bag, name in zip(bags, names, strict=True):
         with BagReader(bag) as reader:
-            topics = settings.topics(reader)
+            topics = settings.find_topics(reader)
             if topics.depth is None and topics.lidar is None:
                 raise EvaluationError(
                     f"expected ground truth in {bag}, got {', '.join(topics.names)}; what would serve is a LiDAR "

@@ -15,18 +15,27 @@ from radcam_depth_ros.cli.options import Bag, JsonOption, progress_bar, write_js
 def inspect(
     bag: Bag,
     json_target: JsonOption = None,
-    params: Annotated[
+    write_params: Annotated[
         Path | None, typer.Option(help="Write the node's parameters that fit the bag to this YAML file.")
     ] = None,
+    params: Annotated[Path | None, typer.Option(hidden=True, help="The former name of --write-params.")] = None,
 ) -> None:
     """Tells what a bag holds for the node: topics, rates, contents, frames, clocks, and what is missing.
 
-    Example: radcam-depth simulate out/seen --seed 7 --frames 20 && radcam-depth inspect out/seen --params out/seen.yaml
+    Example: radcam-depth simulate out/seen --seed 7 --frames 20 &&
+    radcam-depth inspect out/seen --write-params out/seen.yaml
     """
     from radcam_depth_ros import inspection
     from radcam_depth_ros.cli.inspect_tables import print_report
     from radcam_depth_ros.frame import RadcamDepthError
 
+    if params is not None:
+        typer.echo(
+            "inspect --params is now --write-params, and will be gone in the next release: --params reads a file "
+            "everywhere else",
+            err=True,
+        )
+    target = write_params or params
     with progress_bar() as bar:
         task = bar.add_task("reading", total=None)
         report = inspection.survey(bag, lambda done, total: bar.update(task, completed=done, total=total))
@@ -34,11 +43,11 @@ def inspect(
         write_json(dataclasses.asdict(report), json_target)
     else:
         print_report(report)
-    if params is None:
+    if target is None:
         return
     if report.suggestion is None:
-        raise RadcamDepthError(f"{params} is not written, since no parameters fit {bag}: {report.missing}")
-    inspection.write_parameters(params, report.suggestion, bag.name)
+        raise RadcamDepthError(f"{target} is not written, since no parameters fit {bag}: {report.missing}")
+    inspection.write_parameters(target, report.suggestion, bag.name)
     Console(stderr=True).print(
-        f"parameters: {params}; start the node with --ros-args --params-file {params}", markup=False, soft_wrap=True
+        f"parameters: {target}; start the node with --ros-args --params-file {target}", markup=False, soft_wrap=True
     )

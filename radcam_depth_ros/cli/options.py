@@ -15,7 +15,7 @@ from rich.text import Text
 
 # What is heavy to import is imported where it is used, here and in the verbs: --help answers at once.
 if TYPE_CHECKING:
-    from radcam_depth_ros.estimator import Estimator
+    from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 
 Bag = Annotated[Path, typer.Argument(help="A rosbag2 folder or .mcap file.")]
 NetworkOption = Annotated[str, typer.Option(help="A network whose weights come with the package.")]
@@ -24,7 +24,24 @@ ModelOption = Annotated[
 ]
 DeviceOption = Annotated[str, typer.Option(help="cpu, or cuda.")]
 PrecisionOption = Annotated[
-    str, typer.Option(help="Number format of the network: float32, bfloat16, or auto, whichever is faster here.")
+    str,
+    typer.Option(
+        help="Number format of the network: float32, bfloat16, or auto: what RADCAM_DEPTH_PRECISION says, else what "
+        "suits the processor."
+    ),
+]
+# The same for verbs that take --params: None where they are not given.
+NetworkChoice = Annotated[
+    str | None, typer.Option("--network", help="A network whose weights come with the package.", show_default="baff")
+]
+DeviceChoice = Annotated[str | None, typer.Option("--device", help="cpu, or cuda.", show_default="cpu")]
+PrecisionChoice = Annotated[
+    str | None,
+    typer.Option(
+        "--precision",
+        help="Number format of the network: float32, bfloat16, or auto, whichever is faster here.",
+        show_default="auto",
+    ),
 ]
 ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
 RadarOption = Annotated[list[str] | None, typer.Option(help="Topic of a radar; repeat it for several.")]
@@ -38,13 +55,18 @@ class _RateColumn(ProgressColumn):
         return Text(f"{task.speed:.1f}/s" if task.speed else "-/s", style="progress.data.speed")
 
 
-def load_estimator(
-    network: str, model: Path | None, device: str, precision: str, output_size: str = "native"
-) -> Estimator:
-    """The estimator that --network, --model, --device, --precision and --output-size ask for."""
-    from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+def estimator_parameters(
+    network: str | None, model: Path | None, device: str | None, precision: str | None
+) -> dict[str, object]:
+    """The node's parameters that --network, --model, --device and --precision stand for; None for those not given."""
+    model_file = None if model is None else str(model)
+    return {"network": network, "model_file": model_file, "device": device, "precision": precision}
 
-    config = EstimatorConfig(network, str(model or ""), device, precision, output_size=output_size)
+
+def load_estimator(config: EstimatorConfig) -> Estimator:
+    """The estimator that a parameter file and options ask for."""
+    from radcam_depth_ros.estimator import Estimator
+
     return Estimator(config)
 
 

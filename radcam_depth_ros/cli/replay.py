@@ -9,14 +9,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from radcam_depth_ros.cli.node_parameters import ParamsOption, node_parameters
 from radcam_depth_ros.cli.options import (
     Bag,
-    DeviceOption,
+    DeviceChoice,
     ImageOption,
     ModelOption,
-    NetworkOption,
-    PrecisionOption,
+    NetworkChoice,
+    PrecisionChoice,
     RadarOption,
+    estimator_parameters,
     load_estimator,
     progress_bar,
 )
@@ -25,34 +27,50 @@ from radcam_depth_ros.cli.options import (
 def replay(
     bag: Bag,
     out: Annotated[Path, typer.Argument(help="Bag to write: a folder, or a file that ends in .mcap.")],
-    network: NetworkOption = "baff",
+    params: ParamsOption = None,
+    network: NetworkChoice = None,
     model: ModelOption = None,
-    device: DeviceOption = "cpu",
-    precision: PrecisionOption = "auto",
+    device: DeviceChoice = None,
+    precision: PrecisionChoice = None,
     image: ImageOption = None,
     radar: RadarOption = None,
     radar_sweeps: Annotated[
-        int, typer.Option(help="Sweeps of each radar for an image, moved by the bag's odometry where they are several.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            help="Sweeps of each radar for an image, moved by the bag's odometry where they are several.",
+            show_default="1",
+        ),
+    ] = None,
     without_radar: Annotated[
-        str, typer.Option(help="Images without radar returns: camera_only, hold (the last sweep) or suppress.")
-    ] = "camera_only",
-    encoding: Annotated[str, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).")] = "32FC1",
+        str | None,
+        typer.Option(
+            help="Images without radar returns: camera_only, hold (the last sweep) or suppress.",
+            show_default="camera_only",
+        ),
+    ] = None,
+    encoding: Annotated[
+        str | None, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).", show_default="32FC1")
+    ] = None,
     output_size: Annotated[
-        str, typer.Option(help="native, or network: the size that the network works at.")
-    ] = "native",
+        str | None, typer.Option(help="native, or network: the size that the network works at.", show_default="native")
+    ] = None,
     passthrough: Annotated[bool, typer.Option("--passthrough", help="Copy the input's messages as well.")] = False,
     preview: Annotated[bool, typer.Option("--preview", help="Write depth in colours as well.")] = False,
-    colormap: Annotated[str, typer.Option(help="Colours of the preview: turbo, viridis, grey ...")] = "turbo",
+    colormap: Annotated[
+        str | None, typer.Option(help="Colours of the preview: turbo, viridis, grey ...", show_default="turbo")
+    ] = None,
     preview_range: Annotated[
-        tuple[float, float], typer.Option(help="Depths of the preview's first and last colour, metres.")
-    ] = (2.0, 80.0),
+        tuple[float, float] | None,
+        typer.Option(help="Depths of the preview's first and last colour, metres.", show_default="2.0, 80.0"),
+    ] = None,
     points: Annotated[bool, typer.Option("--points", help="Write point clouds as well.")] = False,
-    points_stride: Annotated[int, typer.Option(help="A point for each square of so many pixels' width.")] = 1,
-    points_range: Annotated[tuple[float, float], typer.Option(help="Depths of the first and last point, metres.")] = (
-        0.0,
-        1000.0,
-    ),
+    points_stride: Annotated[
+        int | None, typer.Option(help="A point for each square of so many pixels' width.", show_default="1")
+    ] = None,
+    points_range: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="Depths of the first and last point, metres.", show_default="0.0, 1000.0"),
+    ] = None,
     compress: Annotated[bool, typer.Option("--compress", help="Write a smaller bag, which takes longer.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
 ) -> None:
@@ -61,40 +79,43 @@ def replay(
     Example: radcam-depth simulate out/ride --seed 7 --frames 20 && radcam-depth replay out/ride out/depth.mcap
     """
     from radcam_depth_ros import replay as replaying
-    from radcam_depth_ros.drive import DriveSettings
-    from radcam_depth_ros.pairing import PairingConfig
-    from radcam_depth_ros.pipeline import OutputConfig
 
-    settings = DriveSettings(
-        image=image,
-        radars=tuple(radar) if radar else None,
-        without_radar=without_radar,
-        pairing=PairingConfig(radar_sweeps=radar_sweeps),
+    preview_near_m, preview_far_m = preview_range or (None, None)
+    points_near_m, points_far_m = points_range or (None, None)
+    node = node_parameters(
+        params,
+        {
+            "image_topic": image,
+            "radar_topics": radar or None,
+            "radar_sweeps": radar_sweeps,
+            "without_radar": without_radar,
+            "depth_encoding": encoding,
+            "preview_colormap": colormap,
+            "preview_near_m": preview_near_m,
+            "preview_far_m": preview_far_m,
+            "points_stride": points_stride,
+            "points_near_m": points_near_m,
+            "points_far_m": points_far_m,
+            "output_size": output_size,
+            **estimator_parameters(network, model, device, precision),
+        },
     )
     options = replaying.ReplayOptions(
-        output=OutputConfig(
-            depth_encoding=encoding,
-            preview_colormap=colormap,
-            preview_near_m=preview_range[0],
-            preview_far_m=preview_range[1],
-            points_stride=points_stride,
-            points_near_m=points_range[0],
-            points_far_m=points_range[1],
-        ),
+        output=node.config.pipeline.output,
         passthrough=passthrough,
         preview=preview,
         points=points,
         overwrite=overwrite,
         compress=compress,
     )
-    estimator = load_estimator(network, model, device, precision, output_size)
+    estimator = load_estimator(node.config.estimator)
     with progress_bar() as progress:
         task = progress.add_task("replaying", total=None)
         summary = replaying.replay(
             bag,
             out,
             estimator,
-            settings,
+            node.drive_settings(),
             options,
             lambda done, total: progress.update(task, completed=done, total=total),
         )

@@ -16,6 +16,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from radcam_depth_ros.cli.node_parameters import INFERENCE, OUTPUT, ParamsOption, node_parameters
+
 if TYPE_CHECKING:
     from radcam_depth_ros.training.cache import CacheSettings
     from radcam_depth_ros.training.fit import FitResult, TrainingData
@@ -32,7 +34,8 @@ STOPPED = 130
 def train(
     out: Annotated[Path, typer.Option(help="Folder of the run: weights, checkpoint, metrics, curves.")],
     more_bags: Annotated[list[Path] | None, typer.Argument(metavar="[BAG]...", help="More --bags.")] = None,
-    network: Annotated[str, typer.Option(help="Name of the network.")] = "baff",
+    params: ParamsOption = None,
+    network: Annotated[str | None, typer.Option(help="Name of the network.", show_default="baff")] = None,
     bags: Annotated[list[Path] | None, typer.Option(help="Bags to train on, or folders that hold some.")] = None,
     validation_bags: Annotated[
         list[Path] | None, typer.Option(help="Bags to choose the best weights by; else some of --bags are held out.")
@@ -105,15 +108,17 @@ def train(
 
     with joined() as ranks:
         console = Console(stderr=True, quiet=not ranks.is_first)
-        given = [*(bags or []), *(more_bags or [])]
+        given, weights = [*(bags or []), *(more_bags or [])], (init, backbone_weights, teacher)
         if not resume:
-            sources = Sources(init, backbone_weights, teacher)
-            plan = _new_plan(out, network, given, validation_bags or [], rehearsal_bags or [], config, cache, sources)
-            plan = replace(plan, ground_truth=ground_truth)
-        elif any((given, validation_bags, rehearsal_bags, config, init, backbone_weights, teacher, seed is not None)):
+            sources = Sources(*weights)
+            node = node_parameters(params, {"network": network}, unused=(*OUTPUT, *INFERENCE))
+            name, read = node.config.estimator.network, node.drive_settings(ground_truth=ground_truth)
+            plan = _new_plan(out, name, given, validation_bags or [], rehearsal_bags or [], config, cache, sources)
+            plan = replace(plan, ground_truth=read.ground_truth, intake=read.intake, topics=read.topics)
+        elif any((given, params, validation_bags, rehearsal_bags, config, *weights, seed is not None)):
             raise TrainingError(
                 "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
-                "--rehearsal-bags, --config, --init, --backbone-weights, --teacher and --seed out"
+                "--rehearsal-bags, --params, --config, --init, --backbone-weights, --teacher and --seed out"
             )
         else:
             plan = RunPlan.read(out)
@@ -126,8 +131,8 @@ def train(
         )
         if recipe.tensorboard:
             require_tensorboard()
-        # What was measured is kept: a resumed run computes as it did before.
-        plan = ranks.of_first(replace(plan, config=recipe.with_measured_precision()))
+        # Kept with the run: one that is resumed, elsewhere even, computes as it did before.
+        plan = ranks.of_first(replace(plan, config=recipe.with_chosen_precision()))
         with _progress(console) as progress:
             with ranks.first_goes_ahead():
                 data = _load(plan, processes, progress)
@@ -233,7 +238,6 @@ def _found_again(source: str | None) -> str | None:
 
 
 def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
-    from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.networks import registry
     from radcam_depth_ros.training.cache import CacheSettings, cached_drives
     from radcam_depth_ros.training.data import load_data, with_rehearsal
@@ -241,8 +245,7 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
 
     recipe, cache = plan.config, Path(plan.cache)
     architecture = registry.create_config(plan.network, recipe.architecture)
-    drive = DriveSettings(ground_truth=plan.ground_truth, accumulate="where_possible")
-    settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m, drive)
+    settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m, plan.drive)
     bags, validation_bags, rehearsal_bags = (
         [Path(bag) for bag in group] for group in (plan.bags, plan.validation_bags, plan.rehearsal_bags)
     )
@@ -267,8 +270,7 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
     if plan.sources.teacher is not None:
         data = replace(data, description=f"{data.description}, taught by {Path(plan.sources.teacher).stem}")
     if rehearsal_bags:
-        # Rehearsed drives bring the truth that they have, whatever the new ones are asked for.
-        settings = replace(settings, drive=replace(drive, ground_truth="any"))
+        settings = replace(settings, drive=plan.rehearsed_drive)
         data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, partial(prepare, settings=settings))
     return data
 

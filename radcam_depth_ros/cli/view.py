@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from radcam_depth_ros.cli.node_parameters import NodeParameters, ParamsOption, node_parameters
 from radcam_depth_ros.cli.options import (
-    DeviceOption,
+    DeviceChoice,
     ImageOption,
     ModelOption,
-    PrecisionOption,
+    PrecisionChoice,
     RadarOption,
+    estimator_parameters,
     load_estimator,
     needs_ros,
     progress_bar,
@@ -43,6 +45,7 @@ def view(
         typer.Option(help=f"Network to run; by default the bag's own depth, or {_DEFAULT_NETWORK} where it has none."),
     ] = None,
     model: ModelOption = None,
+    params: ParamsOption = None,
     depth: Annotated[
         Path | None,
         typer.Option(
@@ -50,8 +53,8 @@ def view(
             "namespace."
         ),
     ] = None,
-    device: DeviceOption = "cpu",
-    precision: PrecisionOption = "auto",
+    device: DeviceChoice = None,
+    precision: PrecisionChoice = None,
     image: ImageOption = None,
     radar: RadarOption = None,
     every: Annotated[int, typer.Option(help="Show only every so many-th image.")] = 1,
@@ -68,9 +71,10 @@ def view(
     Example: radcam-depth simulate out/shown --seed 7 --frames 20 && radcam-depth view out/shown --save out/shown.mp4
     """
     from radcam_depth_ros import viewing
-    from radcam_depth_ros.drive import DriveSettings
 
-    settings = DriveSettings(image=image, radars=tuple(radar) if radar else None)
+    estimation = estimator_parameters(network, model, device, precision)
+    given = {"image_topic": image, "radar_topics": radar or None, **estimation}
+    node = node_parameters(params, given, unused=("pipeline.output.",))
     options = viewing.ViewOptions(every, frames, width)
     if network is not None or model is not None:
         if depth is not None:
@@ -80,11 +84,12 @@ def view(
         if _is_live(bag):
             raise viewing.ViewError(f"{_LIVE} shows the depth that a node publishes; leave --network and --model out")
     if _is_live(bag):
-        shown = _view_live(save, settings, options, None if depth is None else str(depth), seconds)
+        shown = _view_live(save, node.drive_settings(), options, None if depth is None else str(depth), seconds)
     elif seconds is not None:
         raise viewing.ViewError(f"--seconds is for {_LIVE}, {bag} is a bag; give --frames")
     else:
-        shown = _view_bag(bag, save, depth, settings, options, network, model, device, precision)
+        is_estimated = network is not None or model is not None
+        shown = _view_bag(bag, save, depth, node, options, is_estimated=is_estimated)
     Console(stderr=True).print(f"{save}: {shown} pictures", markup=False, soft_wrap=True)
 
 
@@ -96,12 +101,10 @@ def _view_bag(
     bag: Path,
     save: Path,
     depth: Path | None,
-    settings: DriveSettings,
+    node: NodeParameters,
     options: ViewOptions,
-    network: str | None,
-    model: Path | None,
-    device: str,
-    precision: str,
+    *,
+    is_estimated: bool,
 ) -> int:
     from radcam_depth_ros import viewing
     from radcam_depth_ros.bags import BagReader
@@ -115,15 +118,31 @@ def _view_bag(
                 "`radcam-depth replay`, or leave --depth out"
             )
         estimate: Callable[[Frame], DepthResult | None]
-        if namespace is not None and network is None and model is None:
+        if namespace is not None and not is_estimated:
             estimate = viewing.RecordedDepth(recorded, namespace).predict
         else:
-            estimate = load_estimator(network or _DEFAULT_NETWORK, model, device, precision).estimate
+            estimate = _estimate(node)
         bar = stack.enter_context(progress_bar())
         task = bar.add_task("drawing", total=None)
         return viewing.view(
-            bag, save, estimate, settings, options, lambda done, total: bar.update(task, completed=done, total=total)
+            bag,
+            save,
+            estimate,
+            node.drive_settings(),
+            options,
+            lambda done, total: bar.update(task, completed=done, total=total),
         )
+
+
+def _estimate(node: NodeParameters) -> Callable[[Frame], DepthResult | None]:
+    """The network's depth; none of a frame whose depth the node would suppress."""
+    estimator, without_radar = load_estimator(node.config.estimator), node.config.pipeline.without_radar
+
+    def estimate(frame: Frame) -> DepthResult | None:
+        result = estimator.estimate(frame)
+        return None if without_radar == "suppress" and not result.radar_in_view else result
+
+    return estimate
 
 
 def _view_live(

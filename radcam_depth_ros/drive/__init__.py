@@ -13,6 +13,7 @@ from radcam_depth_ros.drive.settings import (
     DriveError,
     DriveSettings,
     DriveWarning,
+    TopicChoice,
 )
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "DriveSettings",
     "DriveWarning",
     "Sample",
+    "TopicChoice",
     "motion_topics",
     "prime",
     "read_samples",

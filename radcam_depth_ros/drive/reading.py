@@ -71,8 +71,8 @@ def read_samples(
 
     tell = tell or warn
     with BagReader(path) as reader, BagReader(path) as ahead:
-        topics = settings.topics(reader)
-        config = settings.intake(topics)
+        topics = settings.find_topics(reader)
+        config = settings.intake_of(topics)
         intake, moving = Intake(config), motion_topics(topics, config)
         prime(reader, intake, topics)
         # What is fixed, without the links of /tf that the intake adds.
@@ -106,7 +106,9 @@ class _Fit:
         self._clocks = Clocks(topics.image)
         self._topics, self._settings = topics, settings
         self._intake, self._truth = intake, truth
-        offsets_s = for_each_radar("radar_time_offset_s", settings.pairing.radar_time_offset_s, len(topics.radars))
+        offsets_s = for_each_radar(
+            "radar_time_offset_s", settings.intake.pairing.radar_time_offset_s, len(topics.radars)
+        )
         self._radar_offsets_ns = {
             topic: round(offset_s * 1e9) for topic, offset_s in zip(topics.radars, offsets_s, strict=True)
         }
@@ -131,7 +133,7 @@ class _Fit:
         self._check_clocks()
         if self.frames < _JUDGED_FRAMES:
             return
-        limit_s = self._settings.pairing.max_time_offset_s
+        limit_s = self._settings.intake.pairing.max_time_offset_s
         counts = self._intake.counts
         if counts.radars and counts.unmatched >= _UNMATCHED_SHARE * self.frames:
             reason = self._clocks.reason(counts.radars[0].name, limit_s)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
-from radcam_depth_ros.bags import BagReader
-from radcam_depth_ros.bags.topics import SensorTopics, find_topics
+from radcam_depth_ros.bags import BagReader, TopicInfo
+from radcam_depth_ros.bags.topics import IMAGE_TYPES, SensorTopics, find_topics
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.intake import IntakeConfig
-from radcam_depth_ros.pairing import PairingConfig
 
 GROUND_TRUTHS = ("any", "exact", "lidar", "both", "none")
 ACCUMULATIONS = ("never", "where_possible", "always")
@@ -53,36 +53,20 @@ class AccumulationConfig:
 
 
 @dataclass(frozen=True)
-class DriveSettings:
-    """How a bag is read; topics are found by type and name where they are not given.
+class TopicChoice:
+    """The topics of a bag that are asked for; those that are None are found by type and name.
 
     Attributes:
         image: Topic of the images.
         camera_info: Topic of the camera's calibration.
-        radars: Topics of the radars.
+        radars: Topics of the radars; empty for none at all.
         lidar: Topic of the LiDAR.
         depth: Topic of the exact depth images.
         classes: Topic of the class images.
-        odometry: Topic of the vehicle's motion, for accumulating scans and moving radar returns; `/tf` serves where
-            there is none.
-        ground_truth: `exact` depth images, `lidar`, `both` (exact, and the nearest scan besides), `any` (exact where
-            there is, else LiDAR), or `none`.
-        accumulate: Whether LiDAR depth is that of many scans, with the nearest one besides: `never`, `where_possible`
-            (a bag without the vehicle's motion gives the nearest scan, with a warning) or `always`.
-        accumulation: How scans are accumulated.
-        max_lidar_offset_s: The farthest that a LiDAR scan may lie from its image in time.
-        image_is_rectified: As in IntakeConfig.
-        camera_from_radar: As in IntakeConfig.
-        camera_height_m: As in IntakeConfig.
-        camera_pitch_deg: As in IntakeConfig.
-        camera_roll_deg: As in IntakeConfig.
-        radar_frame: As in IntakeConfig.
-        radar_fields: As in IntakeConfig.
-        radar_motion_compensation: As in IntakeConfig.
-        odom_frame: As in IntakeConfig.
-        without_radar: As in IntakeConfig.
-        max_hold_s: As in IntakeConfig.
-        pairing: How images find their radar sweeps.
+        odometry: Topic of the vehicle's motion, for accumulating scans and moving radar returns. `/tf` serves where
+            there is none; where it is empty, `/tf` moves the radar returns though there is one.
+        preferred: Of images and radars that are None: these are taken where the bag has them.
+        is_compressed: The images are sensor_msgs/CompressedImage.
     """
 
     image: str | None = None
@@ -92,22 +76,56 @@ class DriveSettings:
     depth: str | None = None
     classes: str | None = None
     odometry: str | None = None
+    preferred: tuple[str, ...] = ()
+    is_compressed: bool = False
+
+    def find(self, topics: Iterable[TopicInfo], of: str = "the bag") -> SensorTopics:
+        """The sensors among some topics.
+
+        Args:
+            topics: `BagReader.topics`.
+            of: What has them, for the sentence on what it lacks.
+
+        Raises:
+            BagError: when there is no camera, camera_info or radar, or not what is asked for.
+        """
+        return find_topics(
+            topics,
+            image=self.image,
+            camera_info=self.camera_info,
+            radars=self.radars,
+            lidar=self.lidar,
+            depth=self.depth,
+            classes=self.classes,
+            odometry=self.odometry or None,
+            preferred=self.preferred,
+            image_types=IMAGE_TYPES[1:] if self.is_compressed else IMAGE_TYPES,
+            of=of,
+        )
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """How a bag is read.
+
+    Attributes:
+        intake: How frames are made, as in the node. The topics in it stand for those that are found: they say how many
+            radars lists with a value for each radar are of.
+        topics: Which topics are read.
+        ground_truth: `exact` depth images, `lidar`, `both` (exact, and the nearest scan besides), `any` (exact where
+            there is, else LiDAR), or `none`.
+        accumulate: Whether LiDAR depth is that of many scans, with the nearest one besides: `never`, `where_possible`
+            (a bag without the vehicle's motion gives the nearest scan, with a warning) or `always`.
+        accumulation: How scans are accumulated.
+        max_lidar_offset_s: The farthest that a LiDAR scan may lie from its image in time.
+    """
+
+    intake: IntakeConfig = field(default_factory=IntakeConfig)
+    topics: TopicChoice = field(default_factory=TopicChoice)
     ground_truth: str = "any"
     accumulate: str = "never"
     accumulation: AccumulationConfig = field(default_factory=AccumulationConfig)
     max_lidar_offset_s: float = 0.06
-    image_is_rectified: bool = False
-    camera_from_radar: tuple[float, ...] = ()
-    camera_height_m: float = 0.0
-    camera_pitch_deg: float = 0.0
-    camera_roll_deg: float = 0.0
-    radar_frame: str | tuple[str, ...] = ""
-    radar_fields: str | tuple[str, ...] = ""
-    radar_motion_compensation: bool = False
-    odom_frame: str = "odom"
-    without_radar: str = "camera_only"
-    max_hold_s: float = 0.5
-    pairing: PairingConfig = field(default_factory=PairingConfig)
 
     def __post_init__(self) -> None:
         for name, known in (("ground_truth", GROUND_TRUTHS), ("accumulate", ACCUMULATIONS)):
@@ -116,36 +134,16 @@ class DriveSettings:
         if not self.max_lidar_offset_s >= 0:
             raise DriveError(f"max_lidar_offset_s must not be negative, got {self.max_lidar_offset_s}")
 
-    def topics(self, reader: BagReader) -> SensorTopics:
+    def find_topics(self, reader: BagReader) -> SensorTopics:
         """The sensors of a bag; BagError names what it lacks."""
-        return find_topics(
-            reader.topics,
-            image=self.image,
-            camera_info=self.camera_info,
-            radars=self.radars,
-            lidar=self.lidar,
-            depth=self.depth,
-            classes=self.classes,
-            odometry=self.odometry,
-        )
+        return self.topics.find(reader.topics)
 
-    def intake(self, topics: SensorTopics) -> IntakeConfig:
+    def intake_of(self, topics: SensorTopics) -> IntakeConfig:
         """How frames are made of these topics."""
-        return IntakeConfig(
+        return replace(
+            self.intake,
             image=topics.image,
             camera_info=topics.camera_info,
             radars=topics.radars,
-            image_is_rectified=self.image_is_rectified,
-            camera_from_radar=self.camera_from_radar,
-            camera_height_m=self.camera_height_m,
-            camera_pitch_deg=self.camera_pitch_deg,
-            camera_roll_deg=self.camera_roll_deg,
-            radar_frame=self.radar_frame,
-            radar_fields=self.radar_fields,
-            radar_motion_compensation=self.radar_motion_compensation,
-            odometry=topics.odometry or "",
-            odom_frame=self.odom_frame,
-            without_radar=self.without_radar,
-            max_hold_s=self.max_hold_s,
-            pairing=self.pairing,
+            odometry="" if self.topics.odometry == "" else topics.odometry or "",
         )

@@ -2,7 +2,8 @@
 
 from radcam_depth_ros.engine.engine import MODES, Engine
 from radcam_depth_ros.engine.memory import give_back_memory
-from radcam_depth_ros.engine.precision import PRECISIONS, EngineError, choose, processor_has_bfloat16
+from radcam_depth_ros.engine.precision import PRECISIONS, EngineError, choose
+from radcam_depth_ros.engine.processors import Processor, advice
 from radcam_depth_ros.engine.threads import apart
 
 __all__ = [
@@ -10,8 +11,9 @@ __all__ = [
     "PRECISIONS",
     "Engine",
     "EngineError",
+    "Processor",
+    "advice",
     "apart",
     "choose",
     "give_back_memory",
-    "processor_has_bfloat16",
 ]

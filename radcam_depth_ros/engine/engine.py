@@ -15,6 +15,7 @@ from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_p
 from radcam_depth_ros.engine.threads import apart
 from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
+from radcam_depth_ros.networks.number_formats import convert
 
 MODES = ("frozen", "eager")
 
@@ -48,7 +49,7 @@ class Engine:
         dtype = self._format.dtype
         self._calls: PlainCalls | CudaGraphs
         if mode == "eager":
-            reference = copy.deepcopy(network).eval().to(place, dtype)
+            reference = convert(copy.deepcopy(network).eval(), dtype).to(place)
             self._calls = PlainCalls(reference, place, dtype, torch.contiguous_format)
         elif place.type == "cuda":
             self._calls = CudaGraphs(folded(network, dtype, place), place, dtype)

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import yaml
 
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.inspection.suggestion import Setting, Suggestion
-from radcam_depth_ros.intake import IntakeConfig
-from radcam_depth_ros.pairing import PairingConfig
-
-_PAIRING = ("max_time_offset_s", "max_wait_s", "radar_time_offset_s")
 
 
 def write_parameters(path: Path | str, suggestion: Suggestion, source: str) -> None:
@@ -43,24 +38,12 @@ def render_parameters(suggestion: Suggestion, source: str) -> str:
 def check_parameters(parameters: Mapping[str, object]) -> None:
     """Refuses what the node would refuse.
 
-    Without ROS the node's own table of parameters cannot be read; what it makes of topics and pairing is still checked.
-
     Raises:
         RadcamDepthError: for a value that cannot be used, or values that do not fit together.
     """
-    values: dict[str, Any] = dict(parameters)
-    IntakeConfig(
-        image=values["image_topic"],
-        camera_info=values["camera_info_topic"],
-        radars=tuple(topic for topic in values["radar_topics"] if topic),
-        camera_from_radar=tuple(values.get("camera_from_radar", ())),
-        pairing=PairingConfig(**{name: values[name] for name in _PAIRING if name in values}),
-    )
-    try:
-        from radcam_depth_ros.parameters import build_config  # here, since it needs ROS
-    except ModuleNotFoundError:
-        return
-    build_config(values)
+    from radcam_depth_ros.parameters import build_config  # here, since it brings torch
+
+    build_config(parameters)
 
 
 def _entry(setting: Setting) -> str:

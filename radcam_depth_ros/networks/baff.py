@@ -247,7 +247,7 @@ class Baff(Network):
         plane = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
         plane = torch.where(probability > self.threshold, plane, torch.zeros_like(plane))
         known = torch.cat([plane, probability], dim=1)
-        raw = self.fusion(image, known.to(image.dtype)).float()
+        raw = self.fusion(image, known.to(image.dtype))
         depths = Depths(self._depth(torch.sigmoid(raw[:, :1])), semi_dense, torch.sigmoid(raw[:, 1:]))
         return depths, raw[:, 1:]
 

@@ -4,6 +4,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from radcam_depth_ros.networks.number_formats import InFloat32
+
 LEAK = 0.2  # METHODS A gives leaky ReLU 0.2 for the public baseline; the paper names no slope.
 
 
@@ -133,8 +135,8 @@ class QuarterEncoder(nn.Module):
         return maps
 
 
-class PlanarConv(nn.Module):
-    """1x1 convolution of a map with channels last in memory to one with rows together: no copy in between.
+class PlanarConv(InFloat32):
+    """1x1 convolution of a map with channels last in memory to one with rows together: no copy in between; in float32.
 
     Args:
         in_channels: Channels of the map.
@@ -146,7 +148,7 @@ class PlanarConv(nn.Module):
         self.weight = nn.Parameter(torch.zeros(len(bias), in_channels, 1, 1))
         self.bias = nn.Parameter(bias)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def compute(self, x: Tensor) -> Tensor:
         pixels = x.permute(0, 2, 3, 1).flatten(1, 2).transpose(1, 2)
         weight = self.weight.flatten(1).unsqueeze(0).expand(x.shape[0], -1, -1)
         planes = torch.baddbmm(self.bias.reshape(1, -1, 1), weight, pixels)

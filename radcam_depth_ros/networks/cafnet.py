@@ -16,6 +16,7 @@ from radcam_depth_ros.networks.config import NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
+from radcam_depth_ros.networks.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.patches import Patches, around, check_patch, covered
 from radcam_depth_ros.networks.planar_guidance import ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
@@ -109,7 +110,7 @@ class CoarseDecoder(nn.Module):
             nn.Sequential(UpConv(wide, width), nn.BatchNorm2d(width), ConvElu(width, width))
             for wide, width in zip(inputs, COARSE_WIDTHS, strict=True)
         )
-        self.head = nn.Conv2d(COARSE_WIDTHS[-1], 2, 3, padding=1, bias=False)
+        self.head = Float32Conv2d(COARSE_WIDTHS[-1], 2, 3, padding=1, bias=False)
 
     def forward(self, image: list[Tensor], radar: list[Tensor]) -> Tensor:
         """Takes maps at 1/2, 1/4, 1/8, 1/16, 1/32 to the logits (B, 2, H, W) of depth and confidence."""
@@ -196,7 +197,7 @@ class Cafnet(SinglePass):
         if self.ground is not None:
             placed = maps[:4]
             placed.append(self.ground(ground, maps[4]))
-        coarse = self.coarse_decoder(placed, self.coarse_encoder(self.sparse(planes))).float()
+        coarse = self.coarse_decoder(placed, self.coarse_encoder(self.sparse(planes)))
         coarse_m, logit = self._depth(coarse[:, :1]), coarse[:, 1:]
         confidence = torch.sigmoid(logit)
         # Deviation: weighted by the confidence, not cut at tau, so that tau can be set after the training.
@@ -209,7 +210,7 @@ class Cafnet(SinglePass):
             sureness = functional.avg_pool2d(sureness, 2)
             gated.append(gate(returned[index], sureness))
         logits, decoded, inter_depth_m = self.decoder(placed, gated)
-        dense = self._depth(logits[:, :1].float())
+        dense = self._depth(logits[:, :1])
         if self.ground is not None:
             dense = self.ground.blend(dense, logits[:, 1:], ground)
         # No label says that a pixel outside of all patches belongs to a return.

@@ -86,6 +86,7 @@ class QuarterFusion(nn.Module):
         detail: Parts of a pixel along each axis.
     """
 
+    keeps_float32 = True  # the bins
     bins: Tensor
 
     def __init__(
@@ -143,7 +144,7 @@ class QuarterFusion(nn.Module):
         image_maps = [maps[0] + self.shared(features), maps[1], maps[2], maps[3]]
         fused = self.gates(image_maps, depth_maps)
         # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.
-        raw = self.head(self.refinement(self.bidirectional(fused))).float()
+        raw = self.head(self.refinement(self.bidirectional(fused)))
         batch, rows, columns = raw.shape[0], raw.shape[2], raw.shape[3]
         first_bin = raw.shape[1] - self.bins.shape[0]
         bin_logits = raw[:, first_bin:]

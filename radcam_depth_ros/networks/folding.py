@@ -6,6 +6,8 @@ import torch
 from torch import nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
+from radcam_depth_ros.networks.number_formats import convert
+
 
 def folded(network: nn.Module, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu") -> nn.Module:
     """A copy of a network for inference, in which convolutions do the work of the batch norms that follow them.
@@ -13,7 +15,7 @@ def folded(network: nn.Module, dtype: torch.dtype = torch.float32, device: torch
     Args:
         network: Any module; it is left as it is. Where a convolution and its batch norm are neighbours in an
             `nn.Sequential`, or named `conv1` and `bn1` as in a ResNet, they become one; other batch norms stay.
-        dtype: Of the copy's weights, rounded once, after folding.
+        dtype: Of the copy's weights, rounded once, after folding; modules that keep float32 keep it.
         device: Where the copy is.
 
     Returns:
@@ -26,7 +28,7 @@ def folded(network: nn.Module, dtype: torch.dtype = torch.float32, device: torch
         else:
             _fold_numbered(module)
     # Convolutions on a CPU run about a third faster with channels last.
-    return result.to(device=device, dtype=dtype, memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]  # torch's types lack the last
+    return convert(result, dtype).to(device=device, memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]  # torch's types lack the last
 
 
 def _fold_members(members: nn.Sequential) -> None:

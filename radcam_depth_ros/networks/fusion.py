@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from radcam_depth_ros.networks.attention import ParallelAttention
 from radcam_depth_ros.networks.blocks import ConvBlock, Projection, ResidualEncoder, double
+from radcam_depth_ros.networks.number_formats import Float32Conv2d
 
 
 class Gate(nn.Module):
@@ -163,7 +164,7 @@ class PaperFusion(nn.Module):
         self.gates = Gates(channels, 3)
         self.bidirectional = BidirectionalFusion(channels, bottom_up, coarse=False)
         self.refinement = Refinement(channels[:4], pools, channel_attention, position_attention, coarse=False)
-        self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), nn.Conv2d(channels[0], 2, 3, padding=1))
+        self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), Float32Conv2d(channels[0], 2, 3, padding=1))
 
     def forward(self, image: Tensor, depth: Tensor) -> Tensor:
         """Image (B, 3, H, W) and depth planes (B, 2, H, W) to depth and confidence before their sigmoids."""

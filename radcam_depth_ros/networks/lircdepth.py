@@ -17,6 +17,7 @@ from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
+from radcam_depth_ros.networks.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.patches import alike, around, check_patch
 from radcam_depth_ros.networks.planes import PLANES, draw_planes
 from radcam_depth_ros.networks.registry import register
@@ -126,14 +127,14 @@ class Decoder(nn.Module):
             stages.append(nn.Sequential(*blocks, Doubling(width, out)))
             channels = out + IMAGE_CHANNELS[3 - index]
         self.stages = nn.ModuleList(stages)
-        self.depths = nn.ModuleList(nn.Conv2d(out, 1, 1) for _, _, out in DECODER[1:])
+        self.depths = nn.ModuleList(Float32Conv2d(out, 1, 1) for _, _, out in DECODER[1:])
         self.full_size = nn.Sequential(
             nn.ConvTranspose2d(channels, FINAL_WIDTH, 3, 2, 1, output_padding=1, bias=False),
             nn.BatchNorm2d(FINAL_WIDTH),
             nn.ReLU6(inplace=True),
         )
         self.conv = ConvNormRelu(FINAL_WIDTH + len(self.depths), FINAL_WIDTH)
-        self.head = nn.Conv2d(FINAL_WIDTH, out_channels, 3, padding=1)
+        self.head = Float32Conv2d(FINAL_WIDTH, out_channels, 3, padding=1)
 
     def forward(self, image: list[Tensor], radar: list[Tensor]) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """Decodes.
@@ -159,7 +160,7 @@ class Decoder(nn.Module):
             # Deviation: a sigmoid, where the public baseline has a ReLU, which may end at 0 for good.
             share = torch.sigmoid(depth(decoded[index + 1]))
             shares.append(functional.interpolate(share, size=(x.shape[2], x.shape[3]), mode="nearest"))
-            parts.append(shares[index])
+            parts.append(shares[index].to(x.dtype))
         x = self.conv(torch.cat(parts, dim=1))
         decoded.append(x)
         return self.head(x), decoded, shares
@@ -209,7 +210,7 @@ class Lircdepth(SinglePass):
         cautious = CautiousDepth(config.caution, config.min_depth_m, config.max_depth_m)
         self.cautious = cautious if config.caution > 0 else None
         self.decoder = Decoder(2 if config.ground_prior else 1)
-        self.confidence = nn.Conv2d(FINAL_WIDTH, 1, 3, padding=1)
+        self.confidence = Float32Conv2d(FINAL_WIDTH, 1, 3, padding=1)
 
     def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
         height, width = image.shape[2], image.shape[3]
@@ -222,16 +223,16 @@ class Lircdepth(SinglePass):
             placed.append(self.ground(ground, seen[4]))
         raw, decoded, shares = self.decoder(placed, returned)
         # From the nearest depth on, not from 0 as in the paper.
-        dense = self.min_depth_m + (self.max_depth_m - self.min_depth_m) * torch.sigmoid(raw[:, :1].float())
+        dense = self.min_depth_m + (self.max_depth_m - self.min_depth_m) * torch.sigmoid(raw[:, :1])
         if self.ground is not None:
             dense = self.ground.blend(dense, raw[:, 1:], ground)
-        logit = self.confidence(decoded[4].detach()).float()
+        logit = self.confidence(decoded[4].detach())
         confidence = torch.sigmoid(logit)
         patches = around(radar, valid, height, width, self.patch_px)
         semi_dense = alike(patches, radar, dense.detach(), self.tolerance)
         semi_dense = torch.where(confidence > self.threshold, semi_dense, torch.full_like(semi_dense, float("nan")))
         if self.cautious is not None and not self.training:
             dense = self.cautious(dense, logit, radar, valid, ground)
-        inter_depth_m = [self.max_depth_m * share.float() for share in shares]
+        inter_depth_m = [self.max_depth_m * share for share in shares]
         features = DistillationFeatures(seen, returned, decoded, inter_depth_m)
         return LircdepthOutputs(Depths(dense, semi_dense, confidence), logit, features)

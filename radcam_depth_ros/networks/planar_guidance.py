@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.networks.blocks import double
+from radcam_depth_ros.networks.number_formats import Float32Conv2d
 
 WIDTHS = (512, 512, 256, 128, 64, 32)
 """Channels of the decoder's maps, coarsest first: of what comes in at 1/32, then at 1/16, 1/8, 1/4, 1/2, 1."""
@@ -93,7 +94,7 @@ class Reduction(nn.Sequential):
         while first >= 8:
             layers.append(ConvElu(in_channels, first, kernel=1))
             in_channels, first = first, first // 2
-        super().__init__(*layers, nn.Conv2d(in_channels, out_channels, 1, bias=False))
+        super().__init__(*layers, Float32Conv2d(in_channels, out_channels, 1, bias=False))
 
 
 class PlanarGuidance(nn.Module):
@@ -173,7 +174,7 @@ class PlanarDecoder(nn.Module):
         self.up_1 = UpConv(at_2, at_1)
         self.reduce_1 = Reduction(at_1, at_1 // 2, 1)
         self.conv_1 = ConvElu(at_1 + 4, at_1)
-        self.head = nn.Conv2d(at_1, out_channels, 3, padding=1, bias=False)
+        self.head = Float32Conv2d(at_1, out_channels, 3, padding=1, bias=False)
 
     def forward(self, image: list[Tensor], radar: list[Tensor]) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """Decodes.
@@ -199,5 +200,5 @@ class PlanarDecoder(nn.Module):
         depth_2, _ = self.guidance_2(self.plane_2(x_2))
         x = self.up_1(x_2)
         depths = torch.cat([depth_8, depth_4, depth_2], dim=1) / self.max_depth_m
-        x_1 = self.conv_1(torch.cat([x, torch.sigmoid(self.reduce_1(x)), depths.to(x.dtype)], dim=1))
+        x_1 = self.conv_1(torch.cat([x, torch.sigmoid(self.reduce_1(x)).to(x.dtype), depths.to(x.dtype)], dim=1))
         return self.head(x_1), [x_16, x_8, x_4, x_2, x_1], [depth_8, depth_4, depth_2]

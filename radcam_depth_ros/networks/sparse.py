@@ -4,6 +4,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from radcam_depth_ros.networks.number_formats import Float32Conv2d
+
 
 class SparseConv(nn.Module):
     """A convolution over the known pixels alone, divided by how many of them its window has.
@@ -13,11 +15,16 @@ class SparseConv(nn.Module):
         out_channels: Channels of the result.
         kernel: Side of the window, odd.
         stride: Divides the size.
+        in_float32: Compute in float32, whatever the format of the network.
     """
 
-    def __init__(self, in_channels: int, out_channels: int, kernel: int, stride: int = 1) -> None:
+    def __init__(
+        self, in_channels: int, out_channels: int, kernel: int, stride: int = 1, in_float32: bool = False
+    ) -> None:
         super().__init__()
-        self.conv = nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, bias=False)
+        self.keeps_float32 = in_float32  # the bias
+        convolution = Float32Conv2d if in_float32 else nn.Conv2d
+        self.conv = convolution(in_channels, out_channels, kernel, stride, kernel // 2, bias=False)
         self.bias = nn.Parameter(torch.zeros(out_channels))
         self.kernel = kernel
         self.stride = stride

@@ -17,6 +17,7 @@ from radcam_depth_ros.networks.caution import CautiousDepth, check_caution
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
+from radcam_depth_ros.networks.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.rasterise import depth_to_plane, draw_nearest, plane_to_depth
 from radcam_depth_ros.networks.registry import register
 from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
@@ -103,7 +104,7 @@ class RadarEncoder(nn.Module):
         others = (SparseConv(width, width, side) for side in (5, 3, 3))
         self.sparse = nn.ModuleList([SparseConv(1, width, 7, stride=2), *others])
         self.activation = nn.ReLU()
-        self.coarse = SparseConv(width, 1, 1)
+        self.coarse = SparseConv(width, 1, 1, in_float32=True)
         self.residual = Stages(blocks, channels)
 
     def forward(self, plane: Tensor, known: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -177,7 +178,7 @@ class Structured(SinglePass):
             nn.Conv2d(features, CONFIDENCE_CHANNELS, 3, 1, 1, bias=False),
             nn.BatchNorm2d(CONFIDENCE_CHANNELS),
             nn.ReLU(),
-            nn.Conv2d(CONFIDENCE_CHANNELS, 1, 3, 1, 1),
+            Float32Conv2d(CONFIDENCE_CHANNELS, 1, 3, 1, 1),
         )
         self.register_buffer("group_of_class", torch.tensor(GROUP_OF_CLASS), persistent=False)
 
@@ -211,7 +212,7 @@ class Structured(SinglePass):
         confidence_logit = _enlarged(self.confidence(torch.cat([x.detach() for x in features], dim=1)), size)
         confidence = torch.sigmoid(confidence_logit)
         # Not blended between what a return reaches and what none does.
-        coarse = functional.interpolate(self._metres(coarse_logit.float()), size, mode="nearest")
+        coarse = functional.interpolate(self._metres(coarse_logit), size, mode="nearest")
         is_reached = functional.interpolate(reached.float(), size, mode="nearest") > 0
         semi_dense = self._near_returns(coarse, is_reached, dense, confidence)
         if self.cautious is not None and not self.training:
@@ -266,4 +267,4 @@ class Structured(SinglePass):
 
 
 def _enlarged(x: Tensor, size: tuple[int, int]) -> Tensor:
-    return functional.interpolate(x.float(), size, mode="bilinear")
+    return functional.interpolate(x, size, mode="bilinear")

@@ -4,6 +4,8 @@ from itertools import pairwise
 
 from torch import Tensor, nn
 
+from radcam_depth_ros.networks.number_formats import Float32Conv2d
+
 LEVELS = 4
 """Up-projections of a decoder: from 1/32 of the image's size to 1/2."""
 
@@ -45,7 +47,7 @@ class UpDecoder(nn.Module):
         super().__init__()
         widths = [in_channels >> level for level in range(LEVELS + 1)]
         self.levels = nn.Sequential(*(UpProjection(wide, narrow) for wide, narrow in pairwise(widths)))
-        self.head = nn.Conv2d(widths[-1], out_channels, 3, 1, 1)
+        self.head = Float32Conv2d(widths[-1], out_channels, 3, 1, 1)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Takes the map at 1/32 to the features at 1/2 and the result there."""

@@ -26,12 +26,12 @@ from radcam_depth_ros.node.health import Level, Problems
 from radcam_depth_ros.node.inputs import Inputs, find_inputs
 from radcam_depth_ros.node.latency import LatencyTopics
 from radcam_depth_ros.node.outputs import Outputs
+from radcam_depth_ros.node.parameters import Parameters
 from radcam_depth_ros.node.session import Session
 from radcam_depth_ros.node.vitals import Vitals
-from radcam_depth_ros.parameters import NodeConfig, Parameters
+from radcam_depth_ros.parameters import NODE_NAME, NodeConfig
 from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
 
-NODE_NAME = "radcam_depth"
 DIAGNOSTICS_PERIOD_S = 1.0
 WARM_UP_SIZE = (800, 448)
 """Width and height of the image that the network is warmed up with."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.intake import COMPRESSED_SUFFIX
 from radcam_depth_ros.pipeline import PipelineConfig
 
 IMAGE_TRANSPORTS = ("raw", "compressed", "compressed_topic")
@@ -37,3 +38,16 @@ class NodeConfig:
             raise ParameterError(
                 f"image_transport must be one of {', '.join(IMAGE_TRANSPORTS)}, got {self.image_transport!r}"
             )
+
+    @property
+    def image_topic(self) -> str:
+        """The images' topic as `image_transport` has it, before the node's namespace and remappings."""
+        name = self.pipeline.image
+        if self.image_transport == "compressed":
+            return f"{name.removesuffix(COMPRESSED_SUFFIX)}{COMPRESSED_SUFFIX}"
+        return name
+
+    @property
+    def is_compressed(self) -> bool:
+        """Whether the images are sensor_msgs/CompressedImage."""
+        return self.image_transport != "raw"

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import functools
 import typing
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
-
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.parameter import Parameter
 
 from radcam_depth_ros import estimator, pairing
 from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
@@ -25,6 +23,17 @@ _ADJUSTABLE = frozenset(
     )
 )
 """Fields of `NodeConfig` that can change while the node is active."""
+
+
+class ParameterKind(enum.Enum):
+    """What a parameter's value is, by the names of ROS's own types, and in words."""
+
+    BOOL = "true or false"
+    INTEGER = "a whole number"
+    DOUBLE = "a number"
+    STRING = "a text"
+    DOUBLE_ARRAY = "a list of numbers"
+    STRING_ARRAY = "a list of texts"
 
 
 @dataclass(frozen=True)
@@ -60,31 +69,14 @@ class ParameterSpec:
         return self.path in _ADJUSTABLE
 
     @property
-    def type(self) -> Parameter.Type:
-        """The ROS type, of the field's type; that of a single value where a list of them is allowed as well."""
-        return _TYPES[_field_type(self.path)]
+    def kind(self) -> ParameterKind:
+        """The kind of its value, of the field's type; of a single value where a list of them is allowed as well."""
+        return _KINDS[_field_type(self.path)]
 
     @property
     def is_for_each_radar(self) -> bool:
         """Whether it is one value for all radars or a list with one for each."""
         return _field_type(self.path) in _FOR_EACH_RADAR
-
-    def descriptor(self) -> ParameterDescriptor:
-        """Its description, range and choices for ROS tools."""
-        descriptor = ParameterDescriptor(
-            description=self.description, read_only=self.read_only, dynamic_typing=self.is_for_each_radar
-        )
-        if self.choices:
-            descriptor.additional_constraints = f"one of {', '.join(self.choices)}"
-        if self.minimum is None or self.maximum is None:
-            return descriptor
-        if self.type is Parameter.Type.INTEGER:
-            descriptor.integer_range = [IntegerRange(from_value=int(self.minimum), to_value=int(self.maximum))]
-        else:
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=float(self.minimum), to_value=float(self.maximum))
-            ]
-        return descriptor
 
     def convert(self, value: Any) -> Any:
         """The value as the field wants it: whole numbers are fine for floats.
@@ -98,9 +90,9 @@ class ParameterSpec:
         return self._convert_one(value)
 
     def _convert_one(self, value: Any) -> Any:
-        converted: Any = _CONVERSIONS[self.type](value)
+        converted: Any = _CONVERSIONS[self.kind](value)
         if converted is None:
-            raise ParameterError(f"the parameter {self.name} must be {_WORDS[self.type]}, got {value!r}")
+            raise ParameterError(f"the parameter {self.name} must be {self.kind.value}, got {value!r}")
         if self.choices and converted not in self.choices:
             raise ParameterError(f"the parameter {self.name} must be one of {', '.join(self.choices)}, got {value!r}")
         if self.minimum is not None and self.maximum is not None and not self.minimum <= converted <= self.maximum:
@@ -151,30 +143,22 @@ def _texts(values: Any) -> tuple[str, ...] | None:
     return tuple(text for text in texts if text)
 
 
-_TYPES: dict[Any, Parameter.Type] = {
-    bool: Parameter.Type.BOOL,
-    int: Parameter.Type.INTEGER,
-    float: Parameter.Type.DOUBLE,
-    str: Parameter.Type.STRING,
-    tuple[float, ...]: Parameter.Type.DOUBLE_ARRAY,
-    tuple[str, ...]: Parameter.Type.STRING_ARRAY,
-    float | tuple[float, ...]: Parameter.Type.DOUBLE,
-    str | tuple[str, ...]: Parameter.Type.STRING,
+_KINDS: dict[Any, ParameterKind] = {
+    bool: ParameterKind.BOOL,
+    int: ParameterKind.INTEGER,
+    float: ParameterKind.DOUBLE,
+    str: ParameterKind.STRING,
+    tuple[float, ...]: ParameterKind.DOUBLE_ARRAY,
+    tuple[str, ...]: ParameterKind.STRING_ARRAY,
+    float | tuple[float, ...]: ParameterKind.DOUBLE,
+    str | tuple[str, ...]: ParameterKind.STRING,
 }
 _FOR_EACH_RADAR = (float | tuple[float, ...], str | tuple[str, ...])
 _CONVERSIONS = {
-    Parameter.Type.BOOL: _flag,
-    Parameter.Type.INTEGER: _integer,
-    Parameter.Type.DOUBLE: _number,
-    Parameter.Type.STRING: _text,
-    Parameter.Type.DOUBLE_ARRAY: _numbers,
-    Parameter.Type.STRING_ARRAY: _texts,
-}
-_WORDS = {
-    Parameter.Type.BOOL: "true or false",
-    Parameter.Type.INTEGER: "a whole number",
-    Parameter.Type.DOUBLE: "a number",
-    Parameter.Type.STRING: "a text",
-    Parameter.Type.DOUBLE_ARRAY: "a list of numbers",
-    Parameter.Type.STRING_ARRAY: "a list of texts",
+    ParameterKind.BOOL: _flag,
+    ParameterKind.INTEGER: _integer,
+    ParameterKind.DOUBLE: _number,
+    ParameterKind.STRING: _text,
+    ParameterKind.DOUBLE_ARRAY: _numbers,
+    ParameterKind.STRING_ARRAY: _texts,
 }

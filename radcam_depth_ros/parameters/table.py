@@ -192,8 +192,8 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         "precision",
         "estimator.precision",
-        "Number format of the network: float32, bfloat16, or auto: whichever is measured to be faster when the node is "
-        "configured.",
+        "Number format of the network: float32, bfloat16, or auto: what the environment variable "
+        "RADCAM_DEPTH_PRECISION says, else what suits the processor.",
         choices=PRECISIONS,
     ),
     ParameterSpec("threads", "estimator.threads", "CPU threads of the network; 0 leaves it to torch.", 0, 256),

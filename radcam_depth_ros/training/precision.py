@@ -1,4 +1,4 @@
-"""Which number format a machine trains fastest in."""
+"""The device and number format of a training."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Precision:
         """From a recipe's values.
 
         Args:
-            precision: `float32`, `bfloat16`, or `auto`: which of them is measured to be faster.
+            precision: `float32`, `bfloat16`, or `auto`: see `engine.choose`.
             device: `cpu`, `cuda` or `cuda:N`.
 
         Raises:

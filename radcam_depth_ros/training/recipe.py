@@ -119,7 +119,7 @@ class TrainingConfig:
         minutes: Time limit of the training, over all resumptions, which may end it earlier: then the schedule follows
             the time. None for no limit.
         seed: Of weights, order and augmentation.
-        precision: `float32`, `bfloat16`, or `auto`: whichever is measured to be faster.
+        precision: `float32`, `bfloat16`, or `auto`: see `engine.choose`.
         device: `cpu` or `cuda`.
         loader_threads: Threads that make batches.
         log_every_iterations: Between two lines of training losses.
@@ -169,8 +169,8 @@ class TrainingConfig:
                 f"{self.minutes} and {self.initial_share}"
             )
 
-    def with_measured_precision(self) -> TrainingConfig:
-        """The same with `precision: auto` replaced by what is measured here."""
+    def with_chosen_precision(self) -> TrainingConfig:
+        """The same with `precision: auto` replaced by what it is here."""
         chosen = Precision.choose(self.precision, self.device)
         return replace(self, precision=str(chosen.dtype).removeprefix("torch."))
 

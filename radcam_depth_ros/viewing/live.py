@@ -10,11 +10,11 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from radcam_depth_ros.bags import BagError, SensorTopics, find_topics
+from radcam_depth_ros.bags import BagError, SensorTopics
 from radcam_depth_ros.bags.topics import TopicChooser
 from radcam_depth_ros.drive import DriveSettings, motion_topics
 from radcam_depth_ros.frame import ImageArray, RadcamDepthError
-from radcam_depth_ros.intake import TRANSFORM_TOPICS, Intake
+from radcam_depth_ros.intake import TRANSFORM_TOPICS, Intake, IntakeConfig
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
 from radcam_depth_ros.viewing.picture import ViewError, draw_picture
 from radcam_depth_ros.viewing.recorded import RecordedDepth, Source, find_recorded_depth
@@ -101,19 +101,25 @@ def _find(source: LiveSource, settings: DriveSettings, namespace: str | None) ->
             f"no node publishes depth/image_rect and depth/camera_info in {place}; start and activate it, or see that "
             f"both have one ROS_DOMAIN_ID. There is {', '.join(topic.name for topic in source.topics) or 'nothing'}"
         )
-    chooser = TopicChooser(source.topics, _DOMAIN)
-    radars = settings.radars
-    if not chooser.find_transforms("tf_static"):
+    wanted_topics = settings.topics
+    chooser = TopicChooser(source.topics, _DOMAIN, wanted_topics.preferred)
+    radars = wanted_topics.radars
+    if settings.intake.needs_transforms and not chooser.find_transforms("tf_static"):
         radars = ()
     elif radars is None:
         try:
             radars = chooser.find_radars()
         except BagError:
             radars = ()
-    topics = find_topics(
-        source.topics, image=settings.image, camera_info=settings.camera_info, radars=radars, of=_DOMAIN
-    )
-    return replace(topics, odometry=None), found
+    topics = replace(wanted_topics, radars=radars, lidar=None, depth=None, classes=None, odometry=None)
+    return replace(topics.find(source.topics, _DOMAIN), odometry=None), found
+
+
+def _intake_of(topics: SensorTopics, settings: DriveSettings) -> IntakeConfig:
+    """How frames are made of live topics, which may lack the radars."""
+    if not topics.radars:
+        settings = replace(settings, intake=replace(settings.intake, without_radar="camera_only", camera_from_radar=()))
+    return settings.intake_of(topics)
 
 
 def _pictures(
@@ -125,7 +131,7 @@ def _pictures(
     refused: Callable[[RadcamDepthError], None],
 ) -> Iterator[tuple[int, ImageArray]]:
     """Stamp (ns) and picture of the frames that have depth."""
-    intake = Intake(settings.intake(topics))
+    intake = Intake(_intake_of(topics, settings))
     names = motion_topics(topics, intake.config) | ({topics.tf_static: TRANSFORM_TOPICS[0]} if topics.tf_static else {})
     messages = source.messages({topics.image, topics.camera_info, *topics.radars, *names})
     results = ((frame, depth.predict(frame)) for frame in accepted(messages, intake, names, refused))

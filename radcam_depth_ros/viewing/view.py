@@ -68,7 +68,7 @@ def view(
     target, settings, options = Path(target), settings or DriveSettings(), options or ViewOptions()
     check_target(target)
     with BagReader(bag) as reader:
-        topics = settings.topics(reader)
+        topics = settings.find_topics(reader)
         images = reader.count([topics.image])
         picks = _picks(images, options, spread=target.suffix == STRIP)
         seconds = reader.duration_ns / 1e9
@@ -100,7 +100,7 @@ def _picks(images: int, options: ViewOptions, *, spread: bool) -> frozenset[int]
 
 def _frames(reader: BagReader, topics: SensorTopics, settings: DriveSettings) -> Iterator[Frame]:
     """The frames that the node would see, in their order."""
-    intake = Intake(settings.intake(topics))
+    intake = Intake(settings.intake_of(topics))
     prime(reader, intake, topics)
     moving = motion_topics(topics, intake.config)
     yield from accepted(reader.messages({topics.image, topics.camera_info, *topics.radars, *moving}), intake, moving)

@@ -95,11 +95,11 @@ def test_inspect_writes_parameters_that_the_node_takes(
     tmp_path: Path, write_drive: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target = tmp_path / "node.yaml"
-    assert run("inspect", write_drive(tmp_path / "drive.mcap"), "--params", target).exit_code == 0
+    assert run("inspect", write_drive(tmp_path / "drive.mcap"), "--write-params", target).exit_code == 0
     parameters = yaml.safe_load(target.read_text(encoding="utf-8"))["/**"]["ros__parameters"]
     assert parameters["radar_topics"] == ["/radar/points"]
     blind = write_drive(tmp_path / "blind.mcap", without=("/camera/image_raw",))
-    assert run_main(monkeypatch, "inspect", blind, "--params", tmp_path / "no.yaml") == 2
+    assert run_main(monkeypatch, "inspect", blind, "--write-params", tmp_path / "no.yaml") == 2
     assert not (tmp_path / "no.yaml").exists()
 
 
@@ -190,7 +190,7 @@ def test_json_without_a_file_goes_to_standard_output(
     assert run_main(monkeypatch, "networks", "--json") == 0
     assert len(json.loads(capsys.readouterr().out)) == len(networks.names())
     bag = write_drive(tmp_path / "drive", frames=2)
-    assert run_main(monkeypatch, "inspect", str(bag), "--json", "--params", str(tmp_path / "p.yaml")) == 0
+    assert run_main(monkeypatch, "inspect", str(bag), "--json", "--write-params", str(tmp_path / "p.yaml")) == 0
     assert json.loads(capsys.readouterr().out)["topics"]
 
 

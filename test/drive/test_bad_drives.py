@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from radcam_depth_ros.bags.errors import BagError
-from radcam_depth_ros.drive import DriveError, DriveSettings, read_samples
+from radcam_depth_ros.drive import DriveError, DriveSettings, TopicChoice, read_samples
+from radcam_depth_ros.intake import IntakeConfig
 from radcam_depth_ros.pairing import PairingConfig
 from radcam_depth_ros.training.cache import CacheSettings, build_drive
 from radcam_depth_ros.training.samples import TrainingError
@@ -36,7 +37,7 @@ def test_ground_truth_that_is_not_there(write_drive_with: Write, wanted: str) ->
 
 def test_a_lidar_topic_that_is_not_there(write_drive_with: Write) -> None:
     with pytest.raises(BagError, match="no lidar topic /velodyne"):
-        list(read_samples(write_drive_with(), DriveSettings(lidar="/velodyne")))
+        list(read_samples(write_drive_with(), DriveSettings(topics=TopicChoice(lidar="/velodyne"))))
 
 
 def test_a_lidar_whose_place_nobody_knows(write_drive_with: Write) -> None:
@@ -65,7 +66,7 @@ def test_clocks_that_are_seconds_apart(
 
 
 def test_a_clock_that_is_put_right_by_hand(write_drive_with: Write) -> None:
-    settings = DriveSettings(pairing=PairingConfig(radar_time_offset_s=7.0))
+    settings = DriveSettings(IntakeConfig(pairing=PairingConfig(radar_time_offset_s=7.0)))
     samples = list(read_samples(write_drive_with(radar_clock_s=-7.0, radar_frames=12), settings))
     assert all(len(sample.frame.radar) for sample in samples)
 

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.cli.evaluate import evaluate
 from radcam_depth_ros.cli.options import load_estimator
+from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
@@ -42,7 +43,7 @@ def model(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def estimator(model):
-    return load_estimator("baff", model, "cpu", "float32")
+    return load_estimator(EstimatorConfig(model_file=str(model), precision="float32"))
 
 
 @pytest.fixture
@@ -81,6 +82,7 @@ def write_drive(path, with_depth=True, depth_delay_ns=0, scenario=None):
     return path
 
 
+@pytest.mark.usefixtures("number_format")
 def test_json_alone_goes_to_standard_output(tmp_path, model, app):
     bag = write_drive(tmp_path / "drive")
     done = CliRunner().invoke(app, [str(bag), "--model", str(model), "--json", "-"])

@@ -21,7 +21,7 @@ from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagError, find_topics
-from radcam_depth_ros.drive import DriveSettings
+from radcam_depth_ros.drive import DriveSettings, TopicChoice
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import project
 from radcam_depth_ros.listening import ListenOptions, listener
@@ -209,7 +209,7 @@ def test_topics_that_are_not_there_are_named_with_those_that_are(
         source.stop()
         with pytest.raises(ViewError, match=r"in /rear/; .* There is .*/front/depth/image_rect"):
             view_live(source, target, namespace="rear")
-        missing = DriveSettings(image="/camera/image")
+        missing = DriveSettings(topics=TopicChoice(image="/camera/image"))
         with pytest.raises(BagError, match=r"the ROS domain has no image topic /camera/image .* has .*/image_raw"):
             view_live(source, target, missing)
 

@@ -12,7 +12,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.parameters import PARAMETERS, NodeConfig, ParameterError, Parameters, ParameterSpec
+from radcam_depth_ros.node.parameters import TYPES, Parameters, describe
+from radcam_depth_ros.parameters import PARAMETERS, NodeConfig, ParameterError, ParameterKind, ParameterSpec
 
 NODE_YAML = Path(__file__).parents[2] / "config" / "node.yaml"
 BY_NAME = {spec.name: spec for spec in PARAMETERS}
@@ -40,10 +41,10 @@ def test_each_field_has_one_parameter() -> None:
 def test_each_parameter_is_described_and_its_default_is_allowed(spec: ParameterSpec) -> None:
     assert spec.description.endswith(".")
     assert spec.convert(plain(spec.default)) == spec.default
-    descriptor = spec.descriptor()
+    descriptor = describe(spec)
     assert descriptor.description == spec.description
     assert bool(descriptor.additional_constraints) == bool(spec.choices)
-    if spec.type in (Parameter.Type.DOUBLE, Parameter.Type.INTEGER):
+    if spec.kind in (ParameterKind.DOUBLE, ParameterKind.INTEGER):
         assert descriptor.floating_point_range or descriptor.integer_range
 
 
@@ -132,7 +133,7 @@ def test_what_cannot_be_used_is_refused_in_a_file_and_when_set(
 
     node = Node("radcam_depth", context=context)
     parameters = Parameters(node)
-    if Parameter(name, value=value).type_ == BY_NAME[name].type:
+    if Parameter(name, value=value).type_ == TYPES[BY_NAME[name].kind]:
         (result,) = node.set_parameters([Parameter(name, value=value)])
         assert not result.successful
         assert sentence in result.reason or "out of range" in result.reason

@@ -10,7 +10,8 @@ import yaml
 from rclpy.node import Node
 
 from radcam_depth_ros.bags import BagReader, find_topics
-from radcam_depth_ros.parameters import PARAMETERS, NodeConfig, Parameters
+from radcam_depth_ros.node.parameters import Parameters
+from radcam_depth_ros.parameters import PARAMETERS, NodeConfig
 
 FOLDER = Path(__file__).parents[2] / "config" / "sensors"
 FILES = sorted(FOLDER.glob("*.yaml"))

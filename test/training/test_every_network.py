@@ -36,12 +36,14 @@ def train(name: str, drive: CachedDrive, folder: Path, sources: Sources | None =
     return next(row for row in read_metrics(folder / "metrics.jsonl") if row["kind"] == "train")
 
 
+@pytest.mark.usefixtures("number_format")
 @pytest.mark.parametrize("name", networks.names())
 def test_every_network_is_trained_by_its_name(name: str, drive: CachedDrive, tmp_path: Path) -> None:
     losses = train(name, drive, tmp_path / "run")
     assert all(math.isfinite(value) for value in losses.values() if isinstance(value, float))
 
 
+@pytest.mark.usefixtures("number_format")
 def test_a_student_is_taught(drive: CachedDrive, tmp_path: Path) -> None:
     train("lircdepth", drive, tmp_path / "teacher")
     teacher = str(tmp_path / "teacher" / "lircdepth.safetensors")

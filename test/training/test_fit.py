@@ -75,6 +75,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(precision: str, tmp_path: Pat
     assert card == whole_card
 
 
+@pytest.mark.usefixtures("number_format")
 def test_a_run_writes_weights_metrics_and_curves(tmp_path: Path, data: TrainingData) -> None:
     result, _, watch = run(data, tmp_path / "run")
     assert result.archive == tmp_path / "run" / "miniature.safetensors"
@@ -108,6 +109,7 @@ def test_a_few_samples_are_learned_by_heart(tmp_path: Path, data: TrainingData) 
     assert losses[-1] < 0.7 * losses[0]
 
 
+@pytest.mark.usefixtures("number_format")
 def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
     config = dataclasses.replace(CONFIG, iterations=2, stages=(StageConfig(1.0, ((64, 64),), 2),))
     result, trainer, _ = run(data, tmp_path / "run", config, network="baff")
@@ -116,6 +118,7 @@ def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
     assert all(torch.isfinite(value).all() for value in trainer.network.state_dict().values())
 
 
+@pytest.mark.usefixtures("number_format")
 def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> None:
     stages = (StageConfig(0.5, ((64, 64),), 1, ("association",)), StageConfig(0.5, ((64, 64),), 1, ("fusion",)))
     config = dataclasses.replace(CONFIG, iterations=2, stages=stages)
@@ -128,6 +131,7 @@ def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> 
         assert changed == {learning}
 
 
+@pytest.mark.usefixtures("number_format")
 def test_parts_learn_at_their_own_rates(tmp_path: Path, data: TrainingData) -> None:
     changes: list[float] = []
     for factor in (0.0, 0.1, 1.0):

@@ -42,8 +42,8 @@ def test_the_shipped_recipe_of_fine_tuning_is_that_of_initial_weights() -> None:
 
 
 def test_what_is_measured_of_the_precision_is_kept() -> None:
-    assert TrainingConfig(precision="bfloat16").with_measured_precision().precision == "bfloat16"
-    assert TrainingConfig().with_measured_precision().precision in ("float32", "bfloat16")
+    assert TrainingConfig(precision="bfloat16").with_chosen_precision().precision == "bfloat16"
+    assert TrainingConfig().with_chosen_precision().precision in ("float32", "bfloat16")
 
 
 def test_stages_follow_one_another() -> None:

@@ -38,6 +38,7 @@ def invoke(*arguments: object) -> str:
     return CliRunner().invoke(app, words, catch_exceptions=False).output
 
 
+@pytest.mark.usefixtures("number_format")
 def test_a_network_is_trained_and_trained_on(
     tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]
 ) -> None:
@@ -67,6 +68,7 @@ def test_a_run_starts_from_weights(tmp_path: Path, recipe: Path, make_bags: Call
     assert not (tmp_path / "other").exists()
 
 
+@pytest.mark.usefixtures("number_format")
 def test_weights_are_tuned_and_rehearse(tmp_path: Path, make_bags: Callable[[int], list[Path]]) -> None:
     first, *known = make_bags(3)
     recipe = tmp_path / "recipe.yaml"

@@ -9,18 +9,42 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import ParameterUninitializedException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.parameters.assembly import build_config
-from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
-from radcam_depth_ros.parameters.spec import ParameterSpec
-from radcam_depth_ros.parameters.table import PARAMETERS
+from radcam_depth_ros.parameters import (
+    PARAMETERS,
+    NodeConfig,
+    ParameterError,
+    ParameterKind,
+    ParameterSpec,
+    build_config,
+)
 
 _BY_NAME = {spec.name: spec for spec in PARAMETERS}
+TYPES = {kind: Parameter.Type[kind.name] for kind in ParameterKind}
+"""The ROS type of each kind."""
+
+
+def describe(spec: ParameterSpec) -> ParameterDescriptor:
+    """A parameter's description, range and choices for ROS tools."""
+    descriptor = ParameterDescriptor(
+        description=spec.description, read_only=spec.read_only, dynamic_typing=spec.is_for_each_radar
+    )
+    if spec.choices:
+        descriptor.additional_constraints = f"one of {', '.join(spec.choices)}"
+    if spec.minimum is None or spec.maximum is None:
+        return descriptor
+    if spec.kind is ParameterKind.INTEGER:
+        descriptor.integer_range = [IntegerRange(from_value=int(spec.minimum), to_value=int(spec.maximum))]
+    else:
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(spec.minimum), to_value=float(spec.maximum))
+        ]
+    return descriptor
 
 
 class Parameters:
@@ -63,13 +87,13 @@ class Parameters:
                 value = spec.convert(given)
             except ParameterError as error:
                 self._refused[spec.name] = str(error)
-        if value == () and spec.type is Parameter.Type.DOUBLE_ARRAY:
+        if value == () and spec.kind is ParameterKind.DOUBLE_ARRAY:
             # rclpy takes an empty list for one of bytes; declared by its type, it has no value.
-            self._node.declare_parameter(spec.name, spec.type, spec.descriptor(), ignore_override=True)
+            self._node.declare_parameter(spec.name, TYPES[spec.kind], describe(spec), ignore_override=True)
             return
         if isinstance(value, tuple):
             value = list(value) or [""]
-        self._node.declare_parameter(spec.name, value, spec.descriptor(), ignore_override=True)
+        self._node.declare_parameter(spec.name, value, describe(spec), ignore_override=True)
 
     def _build(self, changes: dict[str, Any]) -> NodeConfig:
         """The config with some parameters changed."""
