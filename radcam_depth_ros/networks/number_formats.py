@@ -2,6 +2,7 @@
 
 import torch
 from torch import Tensor, nn
+from torch.jit import is_scripting  # type: ignore[attr-defined]  # torch does not name it among its exports
 
 
 class InFloat32(nn.Module):
@@ -16,7 +17,7 @@ class InFloat32(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """`compute` in float32; the result is float32."""
         # TorchScript does not compile what stands below `is_scripting`; a meta device knows no autocast.
-        if not torch.jit.is_scripting():  # type: ignore[attr-defined]  # noqa: SIM102
+        if not is_scripting():  # noqa: SIM102
             if torch.amp.is_autocast_available(x.device.type):
                 with torch.autocast(x.device.type, enabled=False):
                     return self.compute(x.float())
