@@ -90,6 +90,7 @@ def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
     assert all((folder / name).read_bytes() == (tmp_path / "whole" / name).read_bytes() for name in names)
 
 
+@pytest.mark.timeout(400)  # three processes that share what a busy machine leaves them
 @pytest.mark.parametrize(("network", "iterations"), [("miniature", 5), ("baff", 1)])
 def test_two_processes_learn_what_one_does_with_the_joint_batch(
     network: str, iterations: int, tmp_path: Path, drive: CachedDrive
