@@ -56,6 +56,8 @@ SLOW_PLACES = (
     "simulation/test_recorded_drive.py",
     "simulation/test_simulate_verb.py",
     "simulation/test_world_content.py",
+    "simulation/test_world_parts.py",
+    "networks/test_number_formats.py",
     "drive/test_accumulation.py",
     "drive/test_bad_drives.py",
     "engine/test_engine.py",
