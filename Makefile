@@ -4,6 +4,8 @@ SHELL := /bin/bash
 # The virtual environment brings its own ROS 2: one that is sourced in this shell must not mix with it.
 unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH
 unexport ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION RMW_IMPLEMENTATION
+# Compiled once: tests are parsed and their assertions rewritten anew by each process else, a third of a minute in all.
+unexport PYTHONDONTWRITEBYTECODE
 # Nothing that is started here talks to other machines.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
@@ -17,23 +19,36 @@ OUT ?= out/demo
 # Pages of `make docs`; all of them if none is named.
 PAGES ?=
 
-.PHONY: help demo test docs lint format clean
+# Two compute, and a third fills the time in which live nodes wait; whole files each, the slow ones first (test/conftest.py).
+IN_PARALLEL := -n 3 --dist loadfile --no-loadscope-reorder
+ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
+
+.PHONY: help demo test check check-all docs lint format clean
 
 help: ## this list
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 10
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
 
 demo: .venv/installed ## a drive through the live node, with a report [BAG=path] [RATE=1] [FRAMES=n] [SEED=n] [MODEL=file] [OUT=folder]
 	@.venv/bin/python -m demo --out "$(OUT)" $(if $(BAG),--bag "$(BAG)") $(if $(RATE),--rate "$(RATE)") \
 	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)") $(if $(MODEL),--model "$(MODEL)")
 
-test: export ROS_PYTHON_CHECK_FIELDS := 1
-test: .venv/installed .venv/tf2_msgs.installed ## all tests, two at a time [PYTEST_ARGS="test/node -k life"]
+test check check-all: export ROS_PYTHON_CHECK_FIELDS := 1
+test: .venv/installed .venv/tf2_msgs.installed ## all tests, three at a time [PYTEST_ARGS="test/node -k life"]
 ifdef PYTEST_ARGS
 	@.venv/bin/python -m pytest $(PYTEST_ARGS)
 else
-	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone"
-	@.venv/bin/python -m pytest -m alone
+	@.venv/bin/python -m pytest $(IN_PARALLEL) -m "not alone"
+	@.venv/bin/python -m pytest -m alone $(ALONE)
 endif
+
+check: .venv/installed lint ## lint, types and the fast tests, between two edits
+	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not slow" --durations 5 --durations-min 2 -q
+
+check-all: .venv/installed .venv/tf2_msgs.installed lint ## all tests in both number formats, 20,000 wrong messages, docs
+	@for format in float32 bfloat16; do \
+	    printf '\n== %s\n' "$$format"; RADCAM_DEPTH_PRECISION=$$format $(MAKE) --no-print-directory test || exit 1; done
+	@.venv/bin/python -m benchmarks.fuzz --messages 20000 --seed 1
+	@$(MAKE) --no-print-directory docs
 
 docs: .venv/installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
 	@.venv/bin/python scripts/documented_commands.py $(PAGES)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from radcam_depth_ros.benchmarking.stages import count_gflop
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.drive import Sample, read_samples
+from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, evaluate_drives
 from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation
 from radcam_depth_ros.frame import Frame
@@ -61,6 +62,11 @@ class System:
         name, _, file = text.partition("=")
         return cls(name, Running.start(Subject(name, file, precision="float32")))
 
+    @cached_property
+    def estimator(self) -> Estimator:
+        """Made ready to run once, for all that is measured of it."""
+        return self.running.estimator()
+
     def cost(self) -> dict[str, float]:
         """Parameters in millions; operations in billions on the papers' image, 2 a multiply-add."""
         inputs = NetworkInputs.synthetic(PAPERS_SIZE, self.running.focal_length_px)
@@ -72,9 +78,8 @@ def times(systems: Sequence[System], frame: Frame, rounds: int) -> dict[str, flo
     """Median of the time of an estimate as a multiple of the reference's, by network; the first's where it lacks."""
     tasks = []
     for system in systems:
-        estimator = system.running.estimator()
-        estimator.warm_up(frame.camera)
-        tasks.append(Task(system.name, partial(estimator.estimate, frame)))
+        system.estimator.warm_up(frame.camera)
+        tasks.append(Task(system.name, partial(system.estimator.estimate, frame)))
     found = in_rotation(tasks, Schedule(rounds, 600.0), "cpu", lambda done, total: None)
     names = [system.name for system in systems]
     reference = found.of(REFERENCE if REFERENCE in names else names[0])
@@ -100,7 +105,6 @@ def _errors(summary: DepthSummary) -> dict[str, dict[str, float]]:
 
 def evaluate(system: System, bags: Sequence[Path], advance: Callable[[], None]) -> Evaluation:
     """Measures a network on a set of drives."""
-    estimator = system.running.estimator()
     settings = EvaluationSettings(system.name, baselines=(GEOMETRY, CAMERA_ONLY))
 
     def counted(samples: Iterable[Sample]) -> Iterator[Sample]:
@@ -108,7 +112,7 @@ def evaluate(system: System, bags: Sequence[Path], advance: Callable[[], None]) 
             yield sample
             advance()
 
-    return evaluate_drives((Drive(counted(read_samples(bag))) for bag in bags), estimator.estimate, settings)
+    return evaluate_drives((Drive(counted(read_samples(bag))) for bag in bags), system.estimator.estimate, settings)
 
 
 def markdown(rows: Mapping[str, Mapping[str, Any]], sets: Sequence[str]) -> Iterator[str]:

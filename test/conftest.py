@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import warnings
@@ -31,12 +32,77 @@ with warnings.catch_warnings(), suppress(ImportError):
 
 REAL_DRIVES = Path(__file__).parents[2] / "shared" / "data"
 
+SLOW_FIXTURES = {"context", "number_format", "record", "small_structured", "small_weights"}
+"""Tests that ask for one of these are slow: a live node, a simulated drive, a network that is made ready to run."""
+SLOW_PLACES = (
+    "networks/test_networks.py",
+    "training/test_processes.py",
+    "training/test_every_network.py",
+    "benchmarks/test_systems.py",
+    "benchmarks/test_node_rate.py",
+    "benchmarks/test_ablation.py",
+    "benchmarks/test_fuzz.py",
+    "cli/test_bench_verb.py",
+    "demo/test_demo.py",
+    "test_estimator.py",
+    "training/test_backbones.py",
+    "training/test_distillation.py",
+    "training/test_fit.py",
+    "training/test_initial.py",
+    "training/test_rehearsal.py",
+    "training/test_teacher.py",
+    "training/test_train_verb.py",
+    "node/test_process.py",
+    "simulation/test_recorded_drive.py",
+    "simulation/test_simulate_verb.py",
+    "simulation/test_world_content.py",
+    "simulation/test_world_parts.py",
+    "networks/test_number_formats.py",
+    "drive/test_accumulation.py",
+    "drive/test_bad_drives.py",
+    "engine/test_engine.py",
+    "benchmarking/test_measurement.py",
+    "cli/test_cli.py",
+    "evaluation/test_evaluate_command.py",
+    "networks/test_archive.py",
+)
+"""Folders and files whose tests are slow, those first that take longest."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Marks what is slow, and brings its files to the front: no worker has a long one left when all else is done."""
+    places: dict[str, int] = {}
+    for item in items:
+        place = _place_among_slow(item)
+        if place < len(SLOW_PLACES) + 1:
+            item.add_marker("slow")
+        file = item.nodeid.partition("::")[0]
+        places[file] = min(place, places.get(file, place))
+    items.sort(key=lambda item: places[item.nodeid.partition("::")[0]])
+
+
+def _place_among_slow(item: pytest.Item) -> int:
+    path = item.path.relative_to(Path(__file__).parent)
+    parts = {str(path), *map(str, path.parents)}
+    listed = [index for index, place in enumerate(SLOW_PLACES) if place in parts]
+    is_costly = not SLOW_FIXTURES.isdisjoint(getattr(item, "fixturenames", ()))
+    return min(listed, default=len(SLOW_PLACES) + (not is_costly))
+
 
 @pytest.fixture(scope="session", autouse=True)
 def _quiet_machine(tmp_path_factory: pytest.TempPathFactory) -> None:
     """ROS logs to a temporary folder; one thread for torch, so that results do not depend on the machine's load."""
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+    os.environ["OMP_NUM_THREADS"] = "1"  # in processes that tests start; their threads would wait for a core, spinning
     torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_objects_to_collect() -> None:
+    """Many tests collect garbage by hand: half a second each time, were modules and tests looked through as well."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(params=["float32", "bfloat16"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ import torch
 import torch._dynamo
 from torch import Tensor, nn
 
+from radcam_depth_ros.evaluation import report
 from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, registry
 from radcam_depth_ros.training import criterion, fit
 from radcam_depth_ros.training.batches import SampleSet
@@ -90,6 +92,19 @@ class Watch:
         self.notes.append(text)
 
 
+class Lingering(Watch):
+    """Does not let the last iteration end: so a run is there to be killed, however late that comes."""
+
+    def __init__(self, iterations: int) -> None:
+        super().__init__()
+        self._iterations = iterations
+
+    def on_step(self, report: StepReport) -> None:
+        super().on_step(report)
+        while report.step == self._iterations:
+            time.sleep(1.0)
+
+
 def data_of(drive: CachedDrive) -> TrainingData:
     """Five frames to train on, one to validate on."""
     train, validation = SampleSet.of([drive]).split(0.2)
@@ -97,7 +112,13 @@ def data_of(drive: CachedDrive) -> TrainingData:
 
 
 def train_here(
-    network: str, config: TrainingConfig, drive: Path, folder: Path, resume: bool, environment: Mapping[str, str]
+    network: str,
+    config: TrainingConfig,
+    drive: Path,
+    folder: Path,
+    resume: bool,
+    environment: Mapping[str, str],
+    lingers: bool = False,
 ) -> None:
     """Runs a training as a process of its own; leaves weights, statistics and the last gradients in `N.pt`.
 
@@ -113,12 +134,14 @@ def train_here(
 
     if "RANK" not in environment:
         fit.networks.create = create_joint
+    report.draw_plot = lambda plot: b"<svg/>"  # the plots of its page would take most of its time
     registry._NETWORKS["miniature"] = Miniature
     criterion._KINDS["miniature"] = criterion._KINDS["baff"]
     torch.set_num_threads(1)
     folder.mkdir(exist_ok=True)
+    watch = Lingering(config.iterations) if lingers else Watch()
     with joined() as ranks:
-        trainer = Trainer(network, data_of(CachedDrive(drive)), config, folder, Watch(), resume, ranks=ranks)
+        trainer = Trainer(network, data_of(CachedDrive(drive)), config, folder, watch, resume, ranks=ranks)
         trainer.run()
         gradients = {name: value.grad for name, value in trainer.network.named_parameters()}
         torch.save({"weights": trainer.network.state_dict(), "gradients": gradients}, folder / f"{ranks.rank}.pt")

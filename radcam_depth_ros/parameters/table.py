@@ -196,7 +196,13 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         "RADCAM_DEPTH_PRECISION says, else what suits the processor.",
         choices=PRECISIONS,
     ),
-    ParameterSpec("threads", "estimator.threads", "CPU threads of the network; 0 takes as many as other work leaves cores.", 0, 256),
+    ParameterSpec(
+        "threads",
+        "estimator.threads",
+        "CPU threads of the network; 0 takes as many as other work leaves cores.",
+        0,
+        256,
+    ),
     ParameterSpec(
         "output_size",
         "estimator.output_size",

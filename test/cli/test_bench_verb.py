@@ -1,19 +1,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
+from torch import nn
 from typer.testing import CliRunner
 
 from radcam_depth_ros import cli
 from radcam_depth_ros.benchmarking import comparison, machine, measurement
 from radcam_depth_ros.benchmarking.comparison import Against
-from radcam_depth_ros.benchmarking.subject import Size, Subject
+from radcam_depth_ros.benchmarking.subject import Loaded, Size, Subject
 from radcam_depth_ros.cli.bench_request import parse_against
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.networks import archive
 from radcam_depth_ros.networks.baff import PAPER
 
 SIZE = Size(448, 800, 60)
@@ -60,8 +63,32 @@ def test_what_cannot_be_held_against(parse: Callable[[str], Against], spec: str,
         parse(spec)
 
 
+@pytest.fixture(scope="module")
+def _made_ready_once() -> Iterator[None]:
+    """Networks are loaded, and they and their stages frozen, once for all runs: that is most of the time of a run."""
+    load, freeze = Subject.load, archive.freeze
+    loaded: dict[str, Loaded] = {}
+    frozen: dict[tuple[nn.Module, torch.dtype], torch.jit.ScriptModule] = {}
+
+    def load_once(subject: Subject) -> Loaded:
+        key = f"{subject.network} {subject.model_file} {subject.architecture}"
+        if key not in loaded:
+            loaded[key] = load(subject)
+        return loaded[key]
+
+    def freeze_once(network: nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.ScriptModule:
+        if (network, dtype) not in frozen:
+            frozen[network, dtype] = freeze(network, dtype)
+        return frozen[network, dtype]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Subject, "load", load_once)
+        patch.setattr(archive, "freeze", freeze_once)
+        yield
+
+
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, small_weights: Path) -> Callable[..., Any]:
+def run(monkeypatch: pytest.MonkeyPatch, small_weights: Path, _made_ready_once: None) -> Callable[..., Any]:
     """Runs the verb with small probes and without other processes."""
     monkeypatch.setattr(machine, "CONVOLUTIONS", ((8, 16, 16),))
     monkeypatch.setattr(machine, "PRODUCT", 32)

@@ -137,7 +137,7 @@ class Peer:
         profile = QoSProfile(**{"depth": 50, "reliability": ReliabilityPolicy.RELIABLE, **qos})
         self._publishers[topic] = self.peer.create_publisher(message_class(type_name), topic, profile)
 
-    def until(self, condition: Callable[[], Any], timeout_s: float = 60.0, what: str = "") -> Any:
+    def until(self, condition: Callable[[], Any], timeout_s: float = 150.0, what: str = "") -> Any:
         """Spins the peer until a condition holds; returns its value."""
         deadline = time.monotonic() + timeout_s
         while not (value := condition()):

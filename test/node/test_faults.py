@@ -88,7 +88,7 @@ def settle(bench: Any, unreadable: int = 0) -> None:
 
 def wait(condition: Callable[[], bool], what: str) -> None:
     """Waits for something in the node, in which the peer has no part."""
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 150
     while not condition():
         assert time.monotonic() < deadline, f"{what} did not come about"
         time.sleep(0.001)

@@ -30,7 +30,7 @@ def test_closing_wakes_the_reader_and_throws_away_what_waits() -> None:
     reader = threading.Thread(target=lambda: taken.append(mailbox.take()))
     reader.start()
     mailbox.close()
-    reader.join(5)
+    reader.join(60)
     mailbox.put(1)
     assert taken == [None]
     assert mailbox.take() is None
@@ -42,17 +42,17 @@ def test_a_worker_works_on_the_newest_and_ends() -> None:
 
     def work(item: int) -> None:
         is_busy.set()
-        assert may_go_on.wait(5)
+        assert may_go_on.wait(60)
         done.append(item)
 
     worker = Worker(work, "test")
     worker.put(0)
-    assert is_busy.wait(5)
+    assert is_busy.wait(60)
     for item in range(1, 10):
         worker.put(item)
     assert not worker.close(timeout_s=0.01)  # it is still busy with the first
     may_go_on.set()
-    assert worker.close(timeout_s=5)
+    assert worker.close(timeout_s=60)
     assert done == [0]
     assert worker.dropped == 8
 
@@ -63,19 +63,19 @@ def test_a_worker_takes_the_last_of_many() -> None:
 
     def work(item: int) -> None:
         is_busy.set()
-        assert may_go_on.wait(5)
+        assert may_go_on.wait(60)
         done.append(item)
         if item == 9:
             is_done.set()
 
     worker = Worker(work, "test")
     worker.put(0)
-    assert is_busy.wait(5)
+    assert is_busy.wait(60)
     for item in range(1, 10):
         worker.put(item)
     may_go_on.set()
-    assert is_done.wait(5)
-    assert worker.close(timeout_s=5)
+    assert is_done.wait(60)
+    assert worker.close(timeout_s=60)
     assert done == [0, 9]
     assert worker.dropped == 8
 

@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
+NAP_S = 60
+"""So long the node is busy, see `sleeping_node`; by itself it ends within 1.2 s, where a processor is free."""
 
 
 def end(process: subprocess.Popen[str], number: signal.Signals = signal.SIGINT, times: int = 1) -> str:
-    """Sends a signal; the process must end with 0 within two seconds. Returns what it wrote to stderr."""
-    began_s = time.monotonic()
+    """Sends a signal; the process must end with 0, before what it is busy with. Returns what it wrote to stderr."""
     process.send_signal(number)
     for _ in range(times - 1):
         time.sleep(0.2)
         process.send_signal(number)
-    _, errors = process.communicate(timeout=20)
-    assert time.monotonic() - began_s < 2.0, errors
+    _, errors = process.communicate(timeout=NAP_S / 2)
     assert process.returncode == 0, errors
     assert "Traceback" not in errors
     return errors

@@ -8,7 +8,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from radcam_depth_ros.bags import BagMessage
-from radcam_depth_ros.playing import CLOCK_PERIOD_S, MAX_LEAD_NS, PlayedTopic, Player
+from radcam_depth_ros.playing import CLOCK_PERIOD_S, MAX_LEAD_NS, PlayedTopic, Player, player
 
 IMAGE = "/camera/image_raw"
 
@@ -48,14 +48,31 @@ def test_the_clock_is_at_each_messages_time_and_runs_on_after_the_last(
     assert now_ns == recorded[-1].log_time_ns + 500_000_000
 
 
+class Sleeper:
+    """The player's clock, which only its own sleep moves."""
+
+    now_s = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
+
 @pytest.mark.parametrize("rate", [1.0, 4.0])
 def test_the_rate_is_kept(
-    fake_node: Any, recorded: Sequence[BagMessage], topics: list[PlayedTopic], rate: float
+    fake_node: Any,
+    recorded: Sequence[BagMessage],
+    topics: list[PlayedTopic],
+    rate: float,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    began_s = time.monotonic()
+    clock = Sleeper()
+    monkeypatch.setattr(player, "time", clock)
     Player(fake_node, topics, rate).play(recorded, always, 0.0)
     recorded_s = (recorded[-1].log_time_ns - recorded[0].log_time_ns) * 1e-9
-    assert recorded_s / rate <= time.monotonic() - began_s < recorded_s / rate + 0.5
+    assert clock.now_s - Sleeper.now_s == pytest.approx(recorded_s / rate)
 
 
 def test_a_message_is_held_until_it_may_go_and_the_clock_waits(

@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.drive import DriveSettings, Sample
+from radcam_depth_ros.evaluation import report
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns
 from radcam_depth_ros.training import cache
 from radcam_depth_ros.training.cache import CacheSettings, build_drive
 from radcam_depth_ros.training.samples import CachedDrive
+
+DRAWING = {"test_a_page_holds_all_that_it_shows", "test_a_network_is_trained_and_trained_on"}
+"""Tests in which the plots of a training's page are drawn; that takes most of the time of a short training."""
 
 CAMERA = CameraModel(128, 64, 630.0, 630.0, 63.5, 20.0)
 
@@ -38,6 +42,13 @@ def make_frames(seed: int, count: int) -> Iterator[Sample]:
         )
         classes = np.zeros((64, 128), np.uint8)
         yield Sample(frame, ("/radar/points", "/radar_4d/points"), depth, "exact", classes)
+
+
+@pytest.fixture(autouse=True)
+def _plots_are_left_empty(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """But for `DRAWING`."""
+    if request.function.__name__ not in DRAWING:
+        monkeypatch.setattr(report, "draw_plot", lambda plot: b"<svg/>")
 
 
 @pytest.fixture

@@ -36,8 +36,10 @@ def start(
     network: str = "miniature",
     resume: bool = False,
     environment: Mapping[str, str] | None = None,
+    lingers: bool = False,
 ) -> BaseProcess:
-    process = CONTEXT.Process(target=train_here, args=(network, config, drive, folder, resume, environment or {}))
+    arguments = (network, config, drive, folder, resume, environment or {}, lingers)
+    process = CONTEXT.Process(target=train_here, args=arguments)
     process.start()
     return process
 
@@ -71,16 +73,15 @@ def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
     finish(start(config, place, tmp_path / "whole"))
     rng = random.Random(0)
     folder = tmp_path / "killed"
-    kills = 0
     for share in (0.15, 0.5, 0.8):
-        process = start(config, place, folder, resume=(folder / "last.pt").is_file())
-        while process.is_alive() and len(record(folder)) < share * config.iterations:
+        process = start(config, place, folder, resume=(folder / "last.pt").is_file(), lingers=True)
+        while len(record(folder)) < share * config.iterations:
+            assert process.is_alive()
             time.sleep(0.005)
         time.sleep(rng.uniform(0, 0.1))
         os.kill(process.pid or 0, signal.SIGKILL)
         process.join(ENDLESS_S)
-        kills += process.exitcode == -signal.SIGKILL
-    assert kills >= 2
+        assert process.exitcode == -signal.SIGKILL
     finish(start(config, place, folder, resume=True))
     assert record(folder) == record(tmp_path / "whole")
     whole, killed = (torch.load(run / "0.pt") for run in (tmp_path / "whole", folder))
@@ -90,6 +91,7 @@ def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
     assert all((folder / name).read_bytes() == (tmp_path / "whole" / name).read_bytes() for name in names)
 
 
+@pytest.mark.timeout(400)  # three processes that share what a busy machine leaves them
 @pytest.mark.parametrize(("network", "iterations"), [("miniature", 5), ("baff", 1)])
 def test_two_processes_learn_what_one_does_with_the_joint_batch(
     network: str, iterations: int, tmp_path: Path, drive: CachedDrive
