@@ -7,8 +7,8 @@ import os
 SPIN_COUNT = "10000"
 """Turns of its loop in which a thread of GNU's OpenMP waits for others before it lets go of its core.
 
-Long enough for the steps of a network to follow each other without a system call, and short where a partner has no core:
-the default of 300,000 takes some milliseconds, hundreds of times a frame (docs/decisions.md).
+Long enough for the steps of a network to follow each other without a system call, and short where a partner has no
+core: the default of 300,000 takes some milliseconds, hundreds of times a frame (docs/decisions.md).
 """
 
 

@@ -37,7 +37,7 @@ class Load:
 
 
 def usable_cores() -> int:
-    """Cores that this process may use: by its affinity (taskset, a container's cpuset) and its control group's quota."""
+    """Cores that this process may use: by its affinity (taskset, cpuset) and its control group's quota."""
     allowed = len(_allowed_cores())
     quota = min(_quotas(), default=math.inf)
     return max(1, min(allowed, int(quota + 0.5) if math.isfinite(quota) else allowed))
@@ -51,38 +51,34 @@ def _allowed_cores() -> set[int]:
 
 def _quotas() -> Iterator[float]:
     """Cores by the quota of control groups, versions 2 and 1, as a container sees its own."""
-    for limit, period in (("cpu.max", None), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
-        try:
-            words = (CGROUP / limit).read_text(encoding="ascii").split()
-            if period is not None:
-                words += (CGROUP / period).read_text(encoding="ascii").split()
-            if float(words[0]) > 0 and float(words[1]) > 0:
-                yield float(words[0]) / float(words[1])
-        except (OSError, ValueError, IndexError):
-            continue  # another version, or `max`: no quota
+    for files in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
+        # Another version lacks the files; without a quota there is `max` or -1 in them.
+        words = [word for name in files for word in _text(CGROUP / name).split()]
+        if len(words) == 2 and all(word.isdecimal() and int(word) for word in words):
+            yield int(words[0]) / int(words[1])
 
 
 def _busy_s() -> float:
     allowed, ticks = _allowed_cores(), 0
-    try:
-        lines = (PROC / "stat").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return math.nan
+    lines = _text(PROC / "stat").splitlines()
     for line in lines:
         name, *values = line.split()
         if name.startswith("cpu") and name[3:].isdecimal() and int(name[3:]) in allowed:
             # Guests' time is within the user's; what the host took (steal) was not to be had.
             ticks += sum(int(value) for index, value in enumerate(values[:8]) if index not in _IDLE_FIELDS)
-    return ticks / os.sysconf("SC_CLK_TCK")
+    return ticks / os.sysconf("SC_CLK_TCK") if lines else math.nan
 
 
 def _waited_s() -> float:
     """The second number of each thread's schedstat, nanoseconds."""
-    total_ns, known = 0, False
-    for task in (PROC / "self" / "task").glob("*/schedstat"):
-        try:
-            total_ns += int(task.read_text(encoding="ascii").split()[1])
-            known = True
-        except (OSError, ValueError, IndexError):
-            continue  # a thread that has just ended
-    return 1e-9 * total_ns if known else math.nan
+    told = [_text(file).split() for file in (PROC / "self" / "task").glob("*/schedstat")]
+    waited_ns = [int(numbers[1]) for numbers in told if len(numbers) > 1]
+    return 1e-9 * sum(waited_ns) if waited_ns else math.nan
+
+
+def _text(file: Path) -> str:
+    """What a file of the system says; nothing where it is not there, such as of a thread that has just ended."""
+    try:
+        return file.read_text(encoding="ascii")
+    except OSError:
+        return ""
