@@ -8,6 +8,7 @@ from itertools import zip_longest
 
 import typer
 
+from radcam_depth_ros import openmp
 from radcam_depth_ros.cli.bench import bench
 from radcam_depth_ros.cli.check_calibration import check_calibration
 from radcam_depth_ros.cli.evaluate import evaluate
@@ -45,6 +46,7 @@ def _spelled_out(arguments: Sequence[str]) -> Iterator[str]:
 
 def main() -> None:
     """Runs the command; a mistake of the user's ends with one sentence and exit code 2."""
+    openmp.prepare()
     try:
         app(list(_spelled_out(sys.argv[1:])))
     except Exception as error:

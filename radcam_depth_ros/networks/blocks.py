@@ -9,9 +9,31 @@ from radcam_depth_ros.networks.number_formats import InFloat32
 LEAK = 0.2  # METHODS A gives leaky ReLU 0.2 for the public baseline; the paper names no slope.
 
 
+class InstanceNorm(nn.GroupNorm):
+    """Instance norm: by each image's own mean and variance (Ulyanov et al. 2016), in float32.
+
+    A single image in evaluation gets statistics that are the same to the digit for any number of threads, so that a
+    node that takes fewer threads beside other work gives the same depth: the mean of a channel is one thread's, while
+    torch's kernels for this norm sum up a part of the pixels in each thread.
+    """
+
+    keeps_float32 = True
+
+    def __init__(self, channels: int) -> None:
+        super().__init__(channels, channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        if self.training or x.shape[0] != 1:
+            return functional.group_norm(x, self.num_groups, self.weight, self.bias, self.eps)
+        values = x.float()
+        mean = values.mean(dim=(2, 3))[0]
+        variance = (values * values).mean(dim=(2, 3))[0] - mean * mean
+        return functional.batch_norm(x, mean, variance, self.weight, self.bias, False, 0.0, self.eps)
+
+
 def norm(channels: int, instance: bool) -> nn.Module:
-    """Batch norm; or instance norm, by each image's own mean and variance (as GroupNorm, whose kernels are faster)."""
-    return nn.GroupNorm(channels, channels) if instance else nn.BatchNorm2d(channels)
+    """Batch norm; or instance norm, by each image's own mean and variance."""
+    return InstanceNorm(channels) if instance else nn.BatchNorm2d(channels)
 
 
 class ConvBlock(nn.Sequential):

@@ -9,8 +9,7 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-from radcam_depth_ros.networks.blocks import ConvBlock, UpSum
-from radcam_depth_ros.networks.number_formats import Float32Conv2d
+from radcam_depth_ros.networks.blocks import ConvBlock, PlanarConv, UpSum
 
 FEATURES = 64
 """Channels of the votes' features."""
@@ -42,11 +41,10 @@ class RoadVotes(nn.Module):
         super().__init__()
         self.up = UpSum(channels[3], channels[2], FEATURES)
         self.features = ConvBlock(FEATURES, FEATURES)
-        self.votes = Float32Conv2d(FEATURES, 2, 1)
+        # No vote at first.
+        self.votes = PlanarConv(FEATURES, torch.zeros(2))
         # Logarithms of what is told, of the three coefficients; first where it is assumed, then where it is known.
         self.trust = nn.Parameter(torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]))
-        for parameter in self.votes.parameters():
-            nn.init.zeros_(parameter)
 
     def forward(self, maps: list[Tensor], ground: Tensor) -> Tensor:
         """Takes the encoder's maps and (B, 4) a, b, c, whether known, to the same with a, b, c corrected."""

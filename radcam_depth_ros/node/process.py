@@ -12,6 +12,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from radcam_depth_ros import openmp
+
 if TYPE_CHECKING:
     from radcam_depth_ros.node.depth_node import RadcamDepthNode
 
@@ -70,6 +72,7 @@ def main(args: list[str] | None = None) -> NoReturn:
     Args:
         args: The command line; the process's own by default.
     """
+    openmp.prepare()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
