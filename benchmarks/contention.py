@@ -14,7 +14,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
@@ -23,9 +23,12 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from demo.process import keep_to_this_machine
 from radcam_depth_ros import openmp
 from radcam_depth_ros.cli.options import write_json
 from radcam_depth_ros.cli.tables import print_table
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.geometry import NETWORK_MULTIPLE
 
 BUSY_LOOP = "while True: pass"
 WARM_UP_FRAMES = 10
@@ -39,8 +42,10 @@ Figures = dict[str, Any]
 @contextmanager
 def busy(count: int) -> Iterator[None]:
     """So many processes that only compute, as long as this lasts."""
-    processes = [subprocess.Popen([sys.executable, "-c", BUSY_LOOP]) for _ in range(count)]
+    processes: list[subprocess.Popen[bytes]] = []
     try:
+        # One after the other, so that those that have started end where another cannot start.
+        processes.extend(subprocess.Popen([sys.executable, "-c", BUSY_LOOP]) for _ in range(count))
         time.sleep(SETTLE_S if count else 0)
         yield
     finally:
@@ -110,14 +115,34 @@ def report(engine: Sequence[Figures], node: Sequence[Figures]) -> None:
             print_table(Console(), f"{title} beside busy processes", names, cells, "Ratios: to the first row.")
 
 
+def _size(text: str) -> tuple[int, int]:
+    try:
+        height, width = (int(side) for side in text.split("x"))
+    except ValueError:
+        height = width = 0
+    if min(height, width) < NETWORK_MULTIPLE or height % NETWORK_MULTIPLE or width % NETWORK_MULTIPLE:
+        expected = f"expected HEIGHTxWIDTH in multiples of {NETWORK_MULTIPLE}, such as 448x800, got {text!r}"
+        raise argparse.ArgumentTypeError(expected)
+    return height, width
+
+
+def _at_least(least: int) -> Callable[[str], int]:
+    def count(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(f"expected a whole number of at least {least}, got {text!r}")
+        return int(text)
+
+    return count
+
+
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--size", default="448x800", help="HEIGHTxWIDTH of the image [448x800]")
-    parser.add_argument("--busy", type=int, nargs="+", default=[0, 1, 2, 4], help="busy processes [0 1 2 4]")
-    parser.add_argument("--frames", type=int, default=200, help="frames of the engine for each [200]")
+    parser.add_argument("--size", type=_size, default="448x800", help="HEIGHTxWIDTH of the image [448x800]")
+    parser.add_argument("--busy", type=_at_least(0), nargs="+", default=[0, 1, 2, 4], help="busy processes [0 1 2 4]")
+    parser.add_argument("--frames", type=_at_least(1), default=200, help="frames of the engine for each [200]")
     parser.add_argument("--seconds", type=float, default=15.0, help="of the live node for each; 0: leave it out [15]")
-    parser.add_argument("--threads", type=int, default=0, help="threads of the network, as the node's parameter [0]")
+    parser.add_argument("--threads", type=_at_least(0), default=0, help="of the network, as the node's parameter [0]")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     return parser.parse_args(arguments)
 
@@ -126,15 +151,20 @@ def main(arguments: list[str] | None = None) -> int:
     """Measures each load and prints tables."""
     options = parse(arguments)
     openmp.prepare()
-    height, width = (int(side) for side in options.size.split("x"))
-    engine = partial(measure_engine, (height, width), frames=options.frames, threads=options.threads)
-    node = partial(measure_node, (height, width), seconds=options.seconds, threads=options.threads)
-    engines = with_ratios([engine(load=load) for load in options.busy])
-    nodes = with_ratios([node(load=load) for load in options.busy]) if options.seconds else []
+    keep_to_this_machine()
+    engine = partial(measure_engine, options.size, frames=options.frames, threads=options.threads)
+    node = partial(measure_node, options.size, seconds=options.seconds, threads=options.threads)
+    try:
+        engines = with_ratios([engine(load=load) for load in options.busy])
+        nodes = with_ratios([node(load=load) for load in options.busy]) if options.seconds else []
+    except RadcamDepthError as error:
+        print(f"contention: {error}", file=sys.stderr)
+        return 1
     if options.json:
         settings = {name: os.environ.get(name, "") for name in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
-        values = {"size": options.size, "cores": len(os.sched_getaffinity(0)), **settings, "engine": engines}
-        write_json({**values, "threads": options.threads, "node": nodes}, options.json)
+        size, cores = "x".join(map(str, options.size)), len(os.sched_getaffinity(0))
+        values = {"size": size, "cores": cores, "threads": options.threads, **settings}
+        write_json({**values, "engine": engines, "node": nodes}, options.json)
     if options.json != "-":
         report(engines, nodes)
     return 0

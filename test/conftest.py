@@ -6,7 +6,7 @@ import gc
 import importlib
 import os
 import warnings
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -65,6 +65,7 @@ SLOW_PLACES = (
     "cli/test_cli.py",
     "evaluation/test_evaluate_command.py",
     "networks/test_archive.py",
+    "benchmarks/test_contention.py",
 )
 """Folders and files whose tests are slow, those first that take longest."""
 
@@ -96,6 +97,14 @@ def _quiet_machine(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
     os.environ["OMP_NUM_THREADS"] = "1"  # in processes that tests start; their threads would wait for a core, spinning
     torch.set_num_threads(1)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread_again() -> Iterator[None]:
+    """One thread for the next test, whatever this one set."""
+    yield
+    if torch.get_num_threads() != 1:
+        torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -105,19 +105,15 @@ class Engine:
 
     @contextmanager
     def _sharing(self) -> Iterator[None]:
-        """Takes the threads that the computer has to spare, for one frame."""
-        budget = self._budget
-        if budget is None:
-            torch.set_num_threads(self._threads)
-            yield
-            return
-        # Of the thread that computes; what it had is what comes next begins with.
-        torch.set_num_threads(budget.begin())
+        """Takes the threads that were asked for, or that the computer has to spare, for one frame."""
+        before = torch.get_num_threads()
+        torch.set_num_threads(self._budget.begin() if self._budget else self._threads)
         try:
             yield
         finally:
-            budget.end()
-            torch.set_num_threads(self._threads)
+            if self._budget:
+                self._budget.end()
+            torch.set_num_threads(before)
 
     def warm_up(self, height: int, width: int) -> None:
         """Makes frames of a size as fast as they will be; at once where that has been done for the size.

@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 PROC, CGROUP = Path("/proc"), Path("/sys/fs/cgroup")
 _IDLE_FIELDS = (3, 4)
@@ -50,23 +50,34 @@ def _allowed_cores() -> set[int]:
 
 
 def _quotas() -> Iterator[float]:
-    """Cores by the quota of control groups, versions 2 and 1, as a container sees its own."""
-    for files in (("cpu.max",), ("cpu/cpu.cfs_quota_us", "cpu/cpu.cfs_period_us")):
-        # Another version lacks the files; without a quota there is `max` or -1 in them.
-        words = [word for name in files for word in _text(CGROUP / name).split()]
-        if len(words) == 2 and all(word.isdecimal() and int(word) for word in words):
-            yield int(words[0]) / int(words[1])
+    """Cores by the quotas of the process's control groups and those above them, versions 2 and 1."""
+    for line in _text(PROC / "self" / "cgroup").splitlines():
+        _, controllers, group = line.split(":", 2)
+        names: tuple[str, ...]
+        if not controllers:
+            root, names = CGROUP, ("cpu.max",)
+        elif "cpu" in controllers.split(","):
+            root, names = CGROUP / "cpu", ("cpu.cfs_quota_us", "cpu.cfs_period_us")
+        else:
+            continue
+        own = PurePosixPath(group.lstrip("/"))
+        # A container may see its own group as the root, whatever the path says: files that are not there say nothing.
+        for folder in (own, *own.parents):
+            words = [word for name in names for word in _text(root / folder / name).split()]
+            # Without a quota there is `max` or -1 in them.
+            if len(words) == 2 and all(word.isdecimal() and int(word) for word in words):
+                yield int(words[0]) / int(words[1])
 
 
 def _busy_s() -> float:
-    allowed, ticks = _allowed_cores(), 0
-    lines = _text(PROC / "stat").splitlines()
-    for line in lines:
+    allowed, ticks = _allowed_cores(), []
+    for line in _text(PROC / "stat").splitlines():
         name, *values = line.split()
         if name.startswith("cpu") and name[3:].isdecimal() and int(name[3:]) in allowed:
             # Guests' time is within the user's; what the host took (steal) was not to be had.
-            ticks += sum(int(value) for index, value in enumerate(values[:8]) if index not in _IDLE_FIELDS)
-    return ticks / os.sysconf("SC_CLK_TCK") if lines else math.nan
+            ticks += [int(value) for index, value in enumerate(values[:8]) if index not in _IDLE_FIELDS]
+    # None of the cores where a container numbers them anew.
+    return sum(ticks) / os.sysconf("SC_CLK_TCK") if ticks else math.nan
 
 
 def _waited_s() -> float:
@@ -79,6 +90,6 @@ def _waited_s() -> float:
 def _text(file: Path) -> str:
     """What a file of the system says; nothing where it is not there, such as of a thread that has just ended."""
     try:
-        return file.read_text(encoding="ascii")
+        return file.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return ""

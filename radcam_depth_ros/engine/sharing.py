@@ -79,8 +79,10 @@ class ThreadBudget:
                 self._take_fewer(free, now)
 
     def _take_fewer(self, threads: int, now: Load) -> None:
-        was_soon = now.at_s - self._raised_s < LONGEST_HOLD_S
-        self._hold_s = min(2 * self._hold_s, LONGEST_HOLD_S) if was_soon else WINDOW_S
+        # Still fewer while they are held has the same cause: it does not count twice.
+        if now.at_s >= self._held_until_s:
+            was_soon = now.at_s - self._raised_s < LONGEST_HOLD_S
+            self._hold_s = min(2 * self._hold_s, LONGEST_HOLD_S) if was_soon else WINDOW_S
         self.threads, self._window, self._held_until_s = threads, now, now.at_s + self._hold_s
 
     def _free(self, since: Load, now: Load) -> int:

@@ -28,7 +28,8 @@ class InstanceNorm(nn.GroupNorm):
             return functional.group_norm(x, self.num_groups, self.weight, self.bias, self.eps)
         values = x.float()
         mean = values.mean(dim=(2, 3))[0]
-        variance = (values * values).mean(dim=(2, 3))[0] - mean * mean
+        # Of a channel that is all but constant, rounding may leave less than nothing, whose root is NaN.
+        variance = ((values * values).mean(dim=(2, 3))[0] - mean * mean).clamp_min(0.0)
         return functional.batch_norm(x, mean, variance, self.weight, self.bias, False, 0.0, self.eps)
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import threading
 
 import pytest
@@ -12,6 +13,8 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.engine import MODES, PRECISIONS, Engine, EngineError, give_back_memory
 from radcam_depth_ros.engine import engine as engine_module
 from radcam_depth_ros.engine.calls import blank_frame
+from radcam_depth_ros.engine.load import Load
+from radcam_depth_ros.engine.sharing import ThreadBudget
 from radcam_depth_ros.networks import Depths, archive
 from radcam_depth_ros.networks.folding import folded
 
@@ -206,3 +209,118 @@ def test_loading_a_network_leaves_no_copies_of_it_and_dropping_it_nothing() -> N
     del engine, network
     give_back_memory()
     assert resident_mib() - before < 0.5 * weights_mib
+
+
+class Counting(Tiny):
+    """Notes the number of threads that it is run with; fails when told to."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[int] = []
+        self.fails = False
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Counting:
+        return self
+
+    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+        self.seen.append(torch.get_num_threads())
+        if self.fails:
+            raise RuntimeError("no memory")
+        return super().forward(image, radar, valid, ground)
+
+
+class Budget:
+    """Says numbers of threads one after the other, in place of `ThreadBudget`."""
+
+    def __init__(self, *threads: int) -> None:
+        self._threads = list(threads)
+        self.ended = 0
+
+    def begin(self) -> int:
+        return self._threads.pop(0)
+
+    def end(self) -> None:
+        self.ended += 1
+
+
+def counting_engine(monkeypatch: pytest.MonkeyPatch, threads: int, cores: int = 4) -> tuple[Counting, Engine]:
+    """An engine of a frozen network as Python, so that it can look around."""
+    monkeypatch.setattr(archive, "freeze", lambda network, dtype: network)
+    monkeypatch.setattr(engine_module, "usable_cores", lambda: cores)
+    network = Counting().eval()
+    return network, Engine(network, precision="float32", threads=threads)
+
+
+def test_a_frame_takes_the_threads_of_the_budget_and_leaves_torchs(monkeypatch: pytest.MonkeyPatch) -> None:
+    torch.set_num_threads(4)
+    network, engine = counting_engine(monkeypatch, threads=0)
+    budget = Budget(4, 1, 3, 2)
+    monkeypatch.setattr(engine, "_budget", budget)
+    for fails in (False, False, True, False):
+        network.fails = fails
+        if fails:
+            with pytest.raises(RuntimeError, match="no memory"):
+                engine.run(*frame())
+        else:
+            engine.run(*frame())
+        assert torch.get_num_threads() == 4
+    assert (network.seen, budget.ended) == ([4, 1, 3, 2], 4)
+
+
+def test_beside_other_work_an_engine_takes_fewer_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three of four cores are busy with others, and the threads wait for them."""
+    ticks = iter(range(1000))
+
+    def now() -> Load:
+        at_s = 0.2 * next(ticks)
+        return Load(at_s, 4.0 * at_s, at_s, at_s)
+
+    monkeypatch.setattr(engine_module, "ThreadBudget", lambda most, cores: ThreadBudget(most, cores, now))
+    torch.set_num_threads(4)
+    network, engine = counting_engine(monkeypatch, threads=0)
+    for _ in range(5):
+        engine.run(*frame())
+    assert network.seen == [4, 1, 1, 1, 1]
+    assert torch.get_num_threads() == engine.threads == 4
+
+
+@pytest.mark.parametrize(("torchs", "cores", "expected"), [(4, 2, 2), (2, 4, 2), (1, 4, 1)])
+def test_threads_of_its_own_choice_are_torchs_but_no_more_than_cores(
+    monkeypatch: pytest.MonkeyPatch, torchs: int, cores: int, expected: int
+) -> None:
+    torch.set_num_threads(torchs)
+    monkeypatch.setattr(Load, "now", lambda: Load(0.0, math.nan, 0.0, math.nan))
+    network, engine = counting_engine(monkeypatch, 0, cores)
+    engine.run(*frame())
+    assert network.seen == [engine.threads] == [expected]
+    assert torch.get_num_threads() == torchs
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_a_given_number_of_threads_is_taken_whatever_else_runs(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
+    network, engine = counting_engine(monkeypatch, threads, cores=2)
+    for fails in (False, True):
+        network.fails = fails
+        if fails:
+            with pytest.raises(RuntimeError, match="no memory"):
+                engine.run(*frame())
+        else:
+            engine.run(*frame())
+        assert torch.get_num_threads() == 1
+    assert network.seen == [threads] * 2
+    assert engine.threads == threads
+
+
+@pytest.mark.parametrize("precision", PRECISIONS[1:])
+def test_baffs_depth_is_the_same_to_the_digit_in_one_thread_and_in_two(
+    precision: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that a node on two cores gives the same depth whatever else runs on the computer."""
+    engine = Engine(archive.load("baff").network, precision=precision)
+    monkeypatch.setattr(engine, "_budget", Budget(1, 2, 1))
+    given = frame(224, 416, 60)  # large enough for torch's group norm to differ
+    one, *others = (engine.run(*given) for _ in range(3))
+    assert torch.isfinite(one.dense).all()
+    for other in others:
+        for expected, result in zip(one[:3], other[:3], strict=True):
+            torch.testing.assert_close(result, expected, rtol=0, atol=0, equal_nan=True)

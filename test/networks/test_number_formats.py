@@ -33,11 +33,15 @@ def maps() -> list[Tensor]:
 GROUND = torch.tensor([[0.0, 1 / 630 / 1.5, -0.03, 1.0], [1e-6, 1 / 630 / 2.0, -0.02, 0.0]])
 
 
-@pytest.mark.parametrize("layer", [Float32Conv2d(4, 3, 3, padding=1), PlanarConv(4, torch.rand(3))])
-def test_a_float32_layer_computes_in_it_under_autocast_and_within_a_converted_network(layer: InFloat32) -> None:
+@pytest.mark.parametrize("kind", [Float32Conv2d, PlanarConv])
+def test_a_float32_layer_computes_in_it_under_autocast_and_within_a_converted_network(kind: type[InFloat32]) -> None:
+    generator = torch.Generator().manual_seed(3)
+    bias = torch.rand(3, generator=generator)
+    layer = PlanarConv(4, bias) if kind is PlanarConv else Float32Conv2d(4, 3, 3, padding=1)
     with torch.no_grad():
-        layer.weight.normal_()
-    x = torch.randn(1, 4, 8, 12).bfloat16()
+        layer.weight.normal_(generator=generator)
+        layer.bias.copy_(bias)
+    x = torch.randn(1, 4, 8, 12, generator=generator).bfloat16()
     expected = layer(x.float())
     with torch.autocast("cpu", torch.bfloat16):
         under_autocast = layer(x)
