@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from radcam_depth_ros.engine.calls import PlainCalls
 from radcam_depth_ros.engine.graphs import CudaGraphs
-from radcam_depth_ros.engine.load import usable_cores
+from radcam_depth_ros.engine.load import allowed_cores, usable_cores
 from radcam_depth_ros.engine.memory import give_back_memory, keep_freed_memory
 from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
 from radcam_depth_ros.engine.sharing import ThreadBudget
@@ -68,7 +68,7 @@ class Engine:
         self._threads = threads or min(torch.get_num_threads(), usable_cores())
         self._budget: ThreadBudget | None = None
         if threads == 0 and self._threads > 1 and place.type == "cpu" and mode == "frozen":
-            self._budget = ThreadBudget(self._threads, usable_cores())
+            self._budget = ThreadBudget(self._threads, len(allowed_cores()))
 
     @property
     def precision(self) -> str:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 PROC, CGROUP = Path("/proc"), Path("/sys/fs/cgroup")
-_IDLE_FIELDS = (3, 4)
-"""Of a line of /proc/stat: idle and waiting for a disk."""
+_NICE, _IDLE_FIELDS = 1, (3, 4)
+"""Of a line of /proc/stat: work of low priority; idle and waiting for a disk."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,8 @@ class Load:
 
     Attributes:
         at_s: When this was read, seconds of a steady clock.
-        busy_s: Seconds that the cores which this process may use were busy, all together; NaN where it is not told.
+        busy_s: Seconds that the cores which this process may run on were busy, all together, but for work that gives
+            way to it; NaN where it is not told.
         own_s: Seconds that this process computed, all of its threads together.
         waited_s: Seconds that its threads were ready to run and waited for a core; NaN where it is not told.
     """
@@ -38,12 +39,13 @@ class Load:
 
 def usable_cores() -> int:
     """Cores that this process may use: by its affinity (taskset, cpuset) and its control group's quota."""
-    allowed = len(_allowed_cores())
+    allowed = len(allowed_cores())
     quota = min(_quotas(), default=math.inf)
     return max(1, min(allowed, int(quota + 0.5) if math.isfinite(quota) else allowed))
 
 
-def _allowed_cores() -> set[int]:
+def allowed_cores() -> set[int]:
+    """Numbers of the cores that this process may run on."""
     if hasattr(os, "sched_getaffinity"):
         return os.sched_getaffinity(0)
     return set(range(os.cpu_count() or 1))
@@ -70,12 +72,15 @@ def _quotas() -> Iterator[float]:
 
 
 def _busy_s() -> float:
-    allowed, ticks = _allowed_cores(), []
+    # Work of low priority gives way to a process of the usual one.
+    gives_way = os.getpriority(os.PRIO_PROCESS, 0) <= 0
+    left_out = (*_IDLE_FIELDS, *((_NICE,) if gives_way else ()))
+    allowed, ticks = allowed_cores(), []
     for line in _text(PROC / "stat").splitlines():
         name, *values = line.split()
         if name.startswith("cpu") and name[3:].isdecimal() and int(name[3:]) in allowed:
             # Guests' time is within the user's; what the host took (steal) was not to be had.
-            ticks += [int(value) for index, value in enumerate(values[:8]) if index not in _IDLE_FIELDS]
+            ticks += [int(value) for index, value in enumerate(values[:8]) if index not in left_out]
     # None of the cores where a container numbers them anew.
     return sum(ticks) / os.sysconf("SC_CLK_TCK") if ticks else math.nan
 

@@ -37,7 +37,7 @@ class ThreadBudget:
 
     Args:
         most: Threads on an idle computer.
-        cores: Cores that the process may use.
+        cores: Cores that the process may run on, whatever its quota.
         read: What the computer says now.
     """
 

@@ -41,14 +41,18 @@ def allow(monkeypatch: pytest.MonkeyPatch, *cores: int) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(cores), raising=False)
 
 
-def test_busy_counts_all_but_idle_disk_and_guests(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    """User, nice, system, two kinds of interrupts and what the host took (steal)."""
+@pytest.mark.parametrize(("priority", "low"), [(0, 0), (10, 2)])
+def test_busy_counts_all_but_idle_disk_guests_and_what_gives_way(
+    write: Write, monkeypatch: pytest.MonkeyPatch, priority: int, low: int
+) -> None:
+    """User, system, two kinds of interrupts and what the host took (steal); nice to a process that is nice itself."""
+    monkeypatch.setattr(os, "getpriority", lambda which, who: priority)
     allow(monkeypatch, 0)
     write("proc/stat", STAT.format(user=100))
-    assert Load.now().busy_s == pytest.approx((100 + 2 + 3 + 6 + 7 + 8) / TICKS_A_SECOND)
+    assert Load.now().busy_s == pytest.approx((100 + low + 3 + 6 + 7 + 8) / TICKS_A_SECOND)
 
 
-@pytest.mark.parametrize(("cores", "ticks"), [((0,), 26), ((1,), 100), ((0, 1), 126), ((0, 1, 12), 1126)])
+@pytest.mark.parametrize(("cores", "ticks"), [((0,), 24), ((1,), 100), ((0, 1), 124), ((0, 1, 12), 1124)])
 def test_busy_counts_allowed_cores_alone(
     write: Write, monkeypatch: pytest.MonkeyPatch, cores: tuple[int, ...], ticks: int
 ) -> None:
