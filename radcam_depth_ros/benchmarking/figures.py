@@ -239,16 +239,16 @@ class Report:
         best_gflops: The machine's best rates, GFLOP/s, by precision and kind.
         described: How the network was run.
         sizes: For each size and number of points.
-        advice: What the table of processors says of this one and should say, in a sentence; empty on a GPU.
         against: The comparison, where one was asked for.
+        advice: What the table of processors says of this one and should say, in a sentence; empty on a GPU.
     """
 
     machine: Machine
     best_gflops: dict[str, dict[str, float]]
     described: Description
     sizes: tuple[SizeFigures, ...]
-    advice: str = ""
     against: AgainstFigures | None = None
+    advice: str = ""
 
     @property
     def best_convolution_gflops(self) -> float:

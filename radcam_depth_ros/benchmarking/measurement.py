@@ -52,7 +52,7 @@ def measure(
         figures.append(_figures(size, anatomy, times, best[running.engine.precision][CONVOLUTION], peak_mb))
     compared = compare(running, figures, against, schedule, watch) if against else None
     said = "" if machine.gpu else precision_advice(best)
-    return Report(machine, best, Description.of(running), tuple(figures), said, compared)
+    return Report(machine, best, Description.of(running), tuple(figures), compared, said)
 
 
 def _time(

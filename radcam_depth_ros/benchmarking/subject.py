@@ -84,7 +84,7 @@ class Subject:
             if value not in known:
                 raise BenchmarkError(f"{name} must be one of {', '.join(known)}, got {value!r}")
         if self.threads < 0:
-            raise BenchmarkError(f"threads must be 0 (torch's choice) or more, got {self.threads}")
+            raise BenchmarkError(f"threads must be 0 (as many as are free) or more, got {self.threads}")
 
     def load(self) -> Loaded:
         """Loads the network, with the weights that fit its architecture, or random ones where there are none.

@@ -35,7 +35,7 @@ def bench(
     points: Annotated[str, typer.Option(help="Number of radar points; several with commas between.")] = "60",
     repeats: Annotated[int, typer.Option(min=1, help="Rounds at most; what is slow gets fewer, two at least.")] = 30,
     precision: PrecisionOption = "auto",
-    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 leaves it to torch.")] = 0,
+    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 as the node: fewer beside other work.")] = 0,
     against: Annotated[
         str | None,
         typer.Option(

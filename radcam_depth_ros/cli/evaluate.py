@@ -22,6 +22,7 @@ from radcam_depth_ros.cli.options import (
     NetworkChoice,
     PrecisionChoice,
     RadarOption,
+    ThreadsChoice,
     estimator_parameters,
     load_estimator,
     progress_bar,
@@ -66,6 +67,7 @@ def evaluate(
     depth: Annotated[str | None, typer.Option(help="Topic of true depth images; found likewise.")] = None,
     device: DeviceChoice = None,
     precision: PrecisionChoice = None,
+    threads: ThreadsChoice = None,
 ) -> None:
     """Measures a network's depth against ground truth, beside what simpler means give.
 
@@ -87,7 +89,7 @@ def evaluate(
             "image_topic": image,
             "radar_topics": radar or None,
             "camera_height_m": camera_height,
-            **estimator_parameters(network, model, device, precision),
+            **estimator_parameters(network, model, device, precision, threads),
         },
         unused=OUTPUT,
         lidar=lidar,
@@ -119,7 +121,7 @@ def evaluate(
         Fact("drive" if len(sources) == 1 else "drives", _listed(sources)),
         *_without_truth(evaluation),
         *facts_of(evaluation),
-        Fact("weights", estimator.describe()),
+        Fact("weights", f"{estimator.describe()}, {estimator.threads} threads"),
     )
     if report and keeper:
         where = sources[0].bag.resolve().name if len(sources) == 1 else f"{len(sources)} bags"
@@ -128,8 +130,9 @@ def evaluate(
         log.write_csv(csv)
     if json_target:
         named = {"bags": [str(source.bag) for source in sources], "weights": estimator.describe()}
+        computed = {"precision": estimator.precision, "threads": estimator.threads}
         single = {"bag": str(sources[0].bag)} if len(sources) == 1 else {}
-        write_json({**evaluation.as_json(), **single, **named}, json_target)
+        write_json({**evaluation.as_json(), **single, **named, **computed}, json_target)
     if json_target != "-":
         _print(facts, (summary_table(evaluation), distance_table(evaluation)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,8 +40,15 @@ PrecisionChoice = Annotated[
     str | None,
     typer.Option(
         "--precision",
-        help="Number format of the network: float32, bfloat16, or auto, whichever is faster here.",
+        help="Number format of the network: float32, bfloat16, or auto: what RADCAM_DEPTH_PRECISION says, else what "
+        "suits the processor.",
         show_default="auto",
+    ),
+]
+ThreadsChoice = Annotated[
+    int | None,
+    typer.Option(
+        "--threads", min=1, help="CPU threads of the network; the last digits depend on it.", show_default="2"
     ),
 ]
 ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
@@ -56,18 +64,20 @@ class _RateColumn(ProgressColumn):
 
 
 def estimator_parameters(
-    network: str | None, model: Path | None, device: str | None, precision: str | None
+    network: str | None, model: Path | None, device: str | None, precision: str | None, threads: int | None
 ) -> dict[str, object]:
-    """The node's parameters that --network, --model, --device and --precision stand for; None for those not given."""
+    """The node's parameters that options of these names stand for; None for those not given."""
     model_file = None if model is None else str(model)
-    return {"network": network, "model_file": model_file, "device": device, "precision": precision}
+    values = {"network": network, "model_file": model_file, "device": device}
+    return {**values, "precision": precision, "threads": threads}
 
 
 def load_estimator(config: EstimatorConfig) -> Estimator:
-    """The estimator that a parameter file and options ask for."""
+    """The estimator that a parameter file and options ask for, with a fixed number of threads in any case."""
+    from radcam_depth_ros.engine import offline_threads
     from radcam_depth_ros.estimator import Estimator
 
-    return Estimator(config)
+    return Estimator(replace(config, threads=config.threads or offline_threads()))
 
 
 @contextmanager

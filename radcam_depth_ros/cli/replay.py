@@ -17,6 +17,7 @@ from radcam_depth_ros.cli.options import (
     NetworkChoice,
     PrecisionChoice,
     RadarOption,
+    ThreadsChoice,
     estimator_parameters,
     load_estimator,
     progress_bar,
@@ -32,6 +33,7 @@ def replay(
     model: ModelOption = None,
     device: DeviceChoice = None,
     precision: PrecisionChoice = None,
+    threads: ThreadsChoice = None,
     image: ImageOption = None,
     radar: RadarOption = None,
     radar_sweeps: Annotated[
@@ -97,7 +99,7 @@ def replay(
             "points_near_m": points_near_m,
             "points_far_m": points_far_m,
             "output_size": output_size,
-            **estimator_parameters(network, model, device, precision),
+            **estimator_parameters(network, model, device, precision, threads),
         },
     )
     options = replaying.ReplayOptions(

@@ -18,6 +18,7 @@ from radcam_depth_ros.cli.options import (
     ModelOption,
     PrecisionChoice,
     RadarOption,
+    ThreadsChoice,
     estimator_parameters,
     load_estimator,
     needs_ros,
@@ -55,6 +56,7 @@ def view(
     ] = None,
     device: DeviceChoice = None,
     precision: PrecisionChoice = None,
+    threads: ThreadsChoice = None,
     image: ImageOption = None,
     radar: RadarOption = None,
     every: Annotated[int, typer.Option(help="Show only every so many-th image.")] = 1,
@@ -72,7 +74,7 @@ def view(
     """
     from radcam_depth_ros import viewing
 
-    estimation = estimator_parameters(network, model, device, precision)
+    estimation = estimator_parameters(network, model, device, precision, threads)
     given = {"image_topic": image, "radar_topics": radar or None, **estimation}
     node = node_parameters(params, given, unused=("pipeline.output.",))
     options = viewing.ViewOptions(every, frames, width)

@@ -4,7 +4,7 @@ from radcam_depth_ros.engine.engine import MODES, Engine
 from radcam_depth_ros.engine.memory import give_back_memory
 from radcam_depth_ros.engine.precision import PRECISIONS, EngineError, choose
 from radcam_depth_ros.engine.processors import Processor, advice
-from radcam_depth_ros.engine.threads import apart
+from radcam_depth_ros.engine.threads import apart, offline_threads
 
 __all__ = [
     "MODES",
@@ -16,4 +16,5 @@ __all__ = [
     "apart",
     "choose",
     "give_back_memory",
+    "offline_threads",
 ]

@@ -6,6 +6,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+import torch
+
+OFFLINE_THREADS = 2
+"""Threads of commands that work through bags, whatever runs beside: figures depend on them in their last digits."""
+
 T = TypeVar("T")
 
 
@@ -24,3 +29,8 @@ def apart(call: Callable[[], T]) -> T:
     """
     with ThreadPoolExecutor(1, "apart") as thread:
         return thread.submit(call).result()
+
+
+def offline_threads() -> int:
+    """`OFFLINE_THREADS`, or torch's number where that is less: a single core, or OMP_NUM_THREADS."""
+    return min(OFFLINE_THREADS, torch.get_num_threads())

@@ -116,6 +116,8 @@ class Trainer:
         self._ranks = ranks or Ranks()
         sources = sources or Sources()
         self._precision = Precision.choose(config.precision, config.device)
+        if self._ranks.size == 1:
+            torch.set_num_threads(min(config.threads, torch.get_num_threads()))
         torch.manual_seed(config.seed)
         self.network = networks.create(network, config.architecture)
         _check_parts(self.network, network, config)

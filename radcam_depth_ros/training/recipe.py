@@ -121,6 +121,7 @@ class TrainingConfig:
         seed: Of weights, order and augmentation.
         precision: `float32`, `bfloat16`, or `auto`: see `engine.choose`.
         device: `cpu` or `cuda`.
+        threads: CPU threads of torch; processes that share a batch keep the number that torchrun gives them.
         loader_threads: Threads that make batches.
         log_every_iterations: Between two lines of training losses.
         checkpoint_every_minutes: Between two checkpoints.
@@ -142,6 +143,7 @@ class TrainingConfig:
     seed: int = 0
     precision: str = "auto"
     device: str = "cpu"
+    threads: int = 2
     loader_threads: int = 1
     log_every_iterations: int = 50
     checkpoint_every_minutes: float = 5.0
@@ -161,8 +163,8 @@ class TrainingConfig:
             raise TrainingError(f"the shares of all stages must sum to 1, got {[s.share for s in self.stages]}")
         if self.precision not in ("auto", "float32", "bfloat16"):
             raise TrainingError(f"precision must be 'auto', 'float32' or 'bfloat16', got {self.precision!r}")
-        if min(self.iterations, self.loader_threads, self.log_every_iterations) < 1:
-            raise TrainingError("iterations, loader_threads and log_every_iterations must be at least 1")
+        if min(self.iterations, self.threads, self.loader_threads, self.log_every_iterations) < 1:
+            raise TrainingError("iterations, threads, loader_threads and log_every_iterations must be at least 1")
         if (self.minutes is not None and self.minutes <= 0) or not 0 <= self.initial_share < 1:
             raise TrainingError(
                 "minutes must be above 0 and initial_share at least 0 and below 1, got "

@@ -190,3 +190,13 @@ def test_help_has_an_example(app):
     done = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"})
     assert done.exit_code == 0
     assert "radcam-depth evaluate out/test" in done.stdout
+
+
+@pytest.mark.parametrize(("options", "threads"), [((), 1), (("--threads", "3"), 3)])
+def test_json_says_in_which_format_and_how_many_threads(tmp_path, model, app, options, threads):
+    """By default no more threads than torch has, which is one in the tests."""
+    bag = write_drive(tmp_path / "drive")
+    arguments = [str(bag), "--model", str(model), "--precision", "bfloat16", "--json", "-", "--no-baselines", *options]
+    plain = json.loads(CliRunner().invoke(app, arguments).stdout)
+    torch.set_num_threads(1)
+    assert (plain["precision"], plain["threads"]) == ("bfloat16", threads)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from rclpy.qos import DurabilityPolicy
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_messages, small_returns
 from tf2_messages import require_tf2_msgs
@@ -34,6 +35,7 @@ EXTRINSICS = tuple(float(value) for value in (*CAMERA_FROM_RADAR.translation, *C
 TOPICS = {"/camera/image_raw": "image", "/camera/camera_info": "camera_info", "/radar/points": "radar/points"}
 
 
+@pytest.mark.usefixtures("number_format")
 def test_the_live_node_and_the_replay_give_the_same_depth(
     start: Callable[..., Any], write_drive: Callable[..., Path], small_weights: Path, tmp_path: Path
 ) -> None:
