@@ -34,7 +34,8 @@ def test_an_instance_norm_is_torchs_group_norm(
 ) -> None:
     norm, x = made(24).train(is_training), maps(batch, 24, layout).to(dtype)
     exact = functional.group_norm(x.double(), 24, norm.weight.double(), norm.bias.double(), norm.eps)
-    result = norm(x)
+    with torch.inference_mode(not is_training):
+        result = norm(x)
     assert result.dtype == dtype
     assert result.is_contiguous(memory_format=layout)
     torch.testing.assert_close(result.double(), exact, rtol=tolerance, atol=tolerance)
@@ -46,15 +47,17 @@ def test_a_constant_image_gives_the_bias(layout: torch.memory_format, value: flo
     """Such as a black one."""
     norm, x = made(8), torch.full((1, 8, 56, 100), value).contiguous(memory_format=layout)
     expected = norm.bias.reshape(1, -1, 1, 1).expand_as(x)
-    torch.testing.assert_close(norm(x), expected, rtol=0, atol=0.01)
+    with torch.inference_mode():
+        torch.testing.assert_close(norm(x), expected, rtol=0, atol=0.01)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("value", [10.0, 300.0])
+@pytest.mark.parametrize("value", [30.0, 300.0])
 def test_an_all_but_constant_image_gives_no_nan(layout: torch.memory_format, value: float) -> None:
     """Rounding must not make a variance negative."""
-    x = value + (maps(1, 64, layout) - 1.0) * 1e-5 * value
-    assert torch.isfinite(made(64)(x)).all()
+    x = value + (maps(1, 64, layout) - 1.0) * 5e-5 * value
+    with torch.inference_mode():
+        assert torch.isfinite(made(64)(x)).all()
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -73,12 +76,13 @@ def test_an_instance_norm_is_the_same_to_the_digit_for_any_number_of_threads(
         torch.testing.assert_close(result, results[0], rtol=0, atol=0)
 
 
-def test_an_instance_norm_learns_from_one_image_as_from_many() -> None:
+@pytest.mark.parametrize("is_training", [False, True])
+def test_an_instance_norm_learns_from_one_image_as_from_many(is_training: bool) -> None:
     gradients = []
     for batch in (1, 2):
-        norm, x = made(8).train(), maps(1, 8, torch.contiguous_format).expand(batch, -1, -1, -1).clone()
+        norm, x = made(8).train(is_training), maps(1, 8, torch.contiguous_format).expand(batch, -1, -1, -1).clone()
         x.requires_grad_()
         norm(x).square().mean().backward()
-        gradients.append((norm.weight.grad, norm.bias.grad))
+        gradients.append((norm.weight.grad, norm.bias.grad, x.grad[0] * batch))
     for one, two in zip(*gradients, strict=True):
         torch.testing.assert_close(one, two)
