@@ -11,6 +11,9 @@ from types import TracebackType
 
 from radcam_depth_ros.frame import RadcamDepthError
 
+GRACE_S = 10.0
+"""So long a node may take to end after a signal, before it gets a stronger one."""
+
 
 class DemoError(RadcamDepthError):
     """The demo cannot go on."""
@@ -56,7 +59,7 @@ class NodeProcess:
                 return
             self._process.send_signal(number)
             try:
-                self._process.wait(10)
+                self._process.wait(GRACE_S)
             except subprocess.TimeoutExpired:
                 continue
 

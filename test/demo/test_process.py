@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from demo import process as process_module
 from demo.process import DemoError, NodeProcess
 
 
@@ -33,9 +34,14 @@ def test_a_node_that_ends_is_an_error_with_the_end_of_its_log(run: Callable[[str
         until_over(process)
 
 
-def test_a_node_that_runs_is_ended_by_sigint(run: Callable[[str], NodeProcess], tmp_path: Path) -> None:
+def test_a_node_that_runs_is_ended_by_sigint(
+    run: Callable[[str], NodeProcess], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process_module, "GRACE_S", 100.0)  # however slow the machine is
+    # A shell that starts jobs in the background has them ignore SIGINT.
     program = """
-import time
+import signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 try:
     print("up")
     time.sleep(60)

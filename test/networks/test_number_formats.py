@@ -82,13 +82,13 @@ def test_the_corrected_road_learns_under_autocast() -> None:
     assert road.votes.weight.grad is not None
 
 
-def road_image(height: int = 448, width: int = 800) -> tuple[Tensor, Tensor, Tensor]:
+def road_image(height: int = 256, width: int = 448) -> tuple[Tensor, Tensor, Tensor]:
     """A smooth road below a sky, three returns on it, and its plane as told."""
     horizon = 0.45 * height
     rows = torch.arange(height).reshape(-1, 1, 1).expand(-1, width, 3)
     image = torch.where(rows < horizon, 200.0, 80.0 + 0.1 * (rows - horizon)).byte().contiguous()
     slope = 1 / (630.0 * 1.5)
-    radar = torch.tensor([[100.0, 260.0, 16.0], [400.0, 240.0, 25.0], [700.0, 300.0, 9.5]])
+    radar = torch.tensor([[60.0, 175.0, 16.0], [220.0, 153.0, 25.0], [390.0, 215.0, 9.5]])
     radar = torch.cat([radar, torch.zeros(3, 3)], dim=1)
     return image, radar, torch.tensor([0.0, slope, -slope * horizon, 1.0])
 
@@ -100,7 +100,7 @@ def test_a_smooth_road_has_no_steps_in_bfloat16_that_float32_does_not_have(name:
     plateaus, leaps = {}, {}
     for precision in FORMATS:
         dense = Engine(network, precision=precision).run(*road_image()).dense[0, 0].numpy()
-        columns = np.log(dense[300:440, 64:736:16])
+        columns = np.log(dense[170:250, 32:416:8])
         slopes = np.diff(columns, axis=0)
         plateaus[precision] = float((slopes == 0).mean())
         leaps[precision] = float(np.quantile(np.abs(np.diff(slopes, axis=0)), 0.9))
