@@ -8,10 +8,11 @@ import json
 import multiprocessing
 import os
 import shutil
+import stat
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -165,8 +166,10 @@ def _locked(folder: Path) -> Iterator[None]:
         except FileNotFoundError:
             continue  # another process has just finished it
         except FileExistsError:  # what mkdir says, too, when another process removes it while this one looks
-            if folder.exists() and not folder.is_dir():
-                raise
+            # One look, since it may be removed between two.
+            with suppress(FileNotFoundError):
+                if not stat.S_ISDIR(folder.lstat().st_mode):
+                    raise
             continue
         try:
             fcntl.flock(handle, fcntl.LOCK_EX)
