@@ -18,6 +18,10 @@ from rich.text import Text
 if TYPE_CHECKING:
     from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 
+_PRECISION_HELP = (
+    "Number format of the network: float32, bfloat16, or auto: what RADCAM_DEPTH_PRECISION says, else what suits the "
+    "processor."
+)
 Bag = Annotated[Path, typer.Argument(help="A rosbag2 folder or .mcap file.")]
 NetworkOption = Annotated[str, typer.Option(help="A network whose weights come with the package.")]
 ModelOption = Annotated[
@@ -26,10 +30,7 @@ ModelOption = Annotated[
 DeviceOption = Annotated[str, typer.Option(help="cpu, or cuda.")]
 PrecisionOption = Annotated[
     str,
-    typer.Option(
-        help="Number format of the network: float32, bfloat16, or auto: what RADCAM_DEPTH_PRECISION says, else what "
-        "suits the processor."
-    ),
+    typer.Option(help=_PRECISION_HELP),
 ]
 # The same for verbs that take --params: None where they are not given.
 NetworkChoice = Annotated[
@@ -40,8 +41,7 @@ PrecisionChoice = Annotated[
     str | None,
     typer.Option(
         "--precision",
-        help="Number format of the network: float32, bfloat16, or auto: what RADCAM_DEPTH_PRECISION says, else what "
-        "suits the processor.",
+        help=_PRECISION_HELP,
         show_default="auto",
     ),
 ]
