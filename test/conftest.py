@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import importlib
 import os
 import warnings
@@ -19,6 +20,7 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.messages import StampedTransform, encode_transforms
 from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks.interface import Network
 
 # The environment of the nodes in the tests: nothing leaves this machine, and parallel workers do not hear each other.
 _WORKER = int("".join(filter(str.isdigit, os.environ.get("PYTEST_XDIST_WORKER", "0"))) or "0")
@@ -70,6 +72,10 @@ SLOW_PLACES = (
 """Folders and files whose tests are slow, those first that take longest."""
 
 
+PLACES_OF_FREEZING = ("benchmarking", "engine", "networks")
+"""Folders whose tests try how a network is made ready to run, or how long that takes and what memory it needs."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Marks what is slow, and brings its files to the front: no worker has a long one left when all else is done."""
@@ -105,6 +111,37 @@ def _one_thread_again() -> Iterator[None]:
     yield
     if torch.get_num_threads() != 1:
         torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session")
+def frozen() -> dict[bytes, torch.jit.ScriptModule]:
+    """Networks that are ready to run, by their weights, architecture and number format."""
+    return {}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _frozen_once(request: pytest.FixtureRequest, frozen: dict[bytes, torch.jit.ScriptModule]) -> Iterator[None]:
+    """Freezes each network once for all tests but those of freezing: it takes longer than most of what they try."""
+    if request.path.parent.name in PLACES_OF_FREEZING:
+        yield
+        return
+    freeze = archive.freeze
+
+    def frozen_once(network: torch.nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.ScriptModule:
+        if not isinstance(network, Network):
+            return freeze(network, dtype)
+        made_of = hashlib.sha256(f"{type(network)} {network.config} {dtype}".encode())
+        for name, value in network.state_dict().items():
+            made_of.update(name.encode())
+            made_of.update(value.numpy().tobytes())
+        key = made_of.digest()
+        if key not in frozen:
+            frozen[key] = freeze(network, dtype)
+        return frozen[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(archive, "freeze", frozen_once)
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import os
 import re
 import subprocess
@@ -54,10 +55,15 @@ def room_of(path: Path) -> str:
     return path.relative_to(SOURCE).parts[0].removesuffix(".py")
 
 
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imported_names(path: Path) -> Iterator[tuple[str, ...]]:
     """Dotted names that a module imports anywhere in it, in functions and for type checkers too, made absolute."""
     package = (PACKAGE, *path.relative_to(SOURCE).parts[:-1])
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from (tuple(alias.name.split(".")) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -67,6 +73,7 @@ def imported_names(path: Path) -> Iterator[tuple[str, ...]]:
             yield from ((*module, alias.name) for alias in node.names)
 
 
+@functools.cache
 def imports(path: Path) -> tuple[set[str], set[str]]:
     """Rooms of this package, and other distributions' packages beside numpy and the standard library."""
     names = list(imported_names(path))
@@ -79,46 +86,46 @@ def test_every_room_of_the_table_exists() -> None:
     assert {room_of(path) for path in MODULES} == ROOMS.keys()
 
 
-@pytest.mark.parametrize("path", MODULES, ids=module_id)
-def test_a_module_imports_only_what_its_room_may(path: Path) -> None:
-    room = room_of(path)
-    assert room in ROOMS, f"{room} is not in the table of rooms in docs/design.md"
-    rooms, others = imports(path)
-    allowed_rooms, allowed_others = ROOMS[room]
-    assert rooms <= allowed_rooms, f"{room} may not import {sorted(rooms - allowed_rooms)}"
-    assert others <= allowed_others, f"{room} may not import {sorted(others - allowed_others)}"
+def test_modules_import_only_what_their_rooms_may() -> None:
+    wrong = {}
+    for path in MODULES:
+        rooms, others = imports(path)
+        allowed_rooms, allowed_others = ROOMS[room_of(path)]
+        wrong[module_id(path)] = sorted((rooms - allowed_rooms) | (others - allowed_others))
+    assert {module: names for module, names in wrong.items() if names} == {}, "see the table in docs/design.md"
 
 
-@pytest.mark.parametrize("path", MODULES, ids=module_id)
-def test_only_three_rooms_import_ros(path: Path) -> None:
-    if room_of(path) not in {"listening", "node", "playing"}:
-        assert not imports(path)[1] & ROS
+def test_only_three_rooms_import_ros() -> None:
+    importing = {room_of(path) for path in MODULES if imports(path)[1] & ROS}
+    assert importing == {"listening", "node", "playing"}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=module_id)
-def test_nothing_imports_node_or_cli(path: Path) -> None:
-    assert not imports(path)[0] & {"node", "cli"}
+def test_nothing_imports_node_or_cli() -> None:
+    assert [module_id(path) for path in MODULES if imports(path)[0] & {"node", "cli"}] == []
 
 
-@pytest.mark.parametrize("path", MODULES, ids=module_id)
-def test_torchscript_is_touched_by_the_archive_alone(path: Path) -> None:
-    if path != SOURCE / "networks" / "archive.py":
-        assert not [
-            node
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.Attribute) and node.attr in {"script", "load", "freeze"}
-            if ast.unparse(node.value) == "torch.jit"
-        ]
+def test_torchscript_is_touched_by_the_archive_alone() -> None:
+    touching = {
+        module_id(path)
+        for path in MODULES
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.Attribute) and node.attr in {"script", "load", "freeze"}
+        if ast.unparse(node.value) == "torch.jit"
+    }
+    assert touching == {"networks/archive.py"}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=module_id)
-def test_modules_are_short_and_named_for_a_noun(path: Path) -> None:
-    lines = len(path.read_text(encoding="utf-8").splitlines())
-    assert lines <= 400, f"{lines} lines; split it along its nouns"
-    for part in path.relative_to(SOURCE).parts:
-        name = part.removesuffix(".py")
-        assert name.strip("_") not in FORBIDDEN_NAMES
-        assert not name.endswith(FORBIDDEN_ENDINGS)
+def test_modules_are_short() -> None:
+    lines = {module_id(path): len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    assert {module: count for module, count in lines.items() if count > 400} == {}, "split them along their nouns"
+
+
+def test_modules_are_named_for_a_noun() -> None:
+    for path in MODULES:
+        for part in path.relative_to(SOURCE).parts:
+            name = part.removesuffix(".py")
+            assert name.strip("_") not in FORBIDDEN_NAMES, path
+            assert not name.endswith(FORBIDDEN_ENDINGS), path
 
 
 def test_the_table_has_no_cycle() -> None:
