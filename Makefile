@@ -22,8 +22,9 @@ PAGES ?=
 # Two compute, and a third fills the time in which live nodes wait; whole files each, the slow ones first (test/conftest.py).
 IN_PARALLEL := -n 3 --dist loadfile --no-loadscope-reorder
 ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
+EXHAUSTIVE = $(shell grep -rl --include='*.py' 'pytest.mark.exhaustive' test)
 
-.PHONY: help demo test check check-all docs lint format clean
+.PHONY: help demo test test-exhaustive check check-all docs lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -32,21 +33,25 @@ demo: .venv/installed ## a drive through the live node, with a report [BAG=path]
 	@.venv/bin/python -m demo --out "$(OUT)" $(if $(BAG),--bag "$(BAG)") $(if $(RATE),--rate "$(RATE)") \
 	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)") $(if $(MODEL),--model "$(MODEL)")
 
-test check check-all: export ROS_PYTHON_CHECK_FIELDS := 1
+test test-exhaustive check check-all: export ROS_PYTHON_CHECK_FIELDS := 1
 test: .venv/installed .venv/tf2_msgs.installed ## all tests, three at a time [PYTEST_ARGS="test/node -k life"]
 ifdef PYTEST_ARGS
 	@.venv/bin/python -m pytest $(PYTEST_ARGS)
 else
-	@.venv/bin/python -m pytest $(IN_PARALLEL) -m "not alone"
+	@.venv/bin/python -m pytest $(IN_PARALLEL) -m "not alone and not exhaustive"
 	@.venv/bin/python -m pytest -m alone $(ALONE)
 endif
 
+test-exhaustive: .venv/installed ## what `make test` tries in part: torch.export of every network
+	@.venv/bin/python -m pytest -n 2 -m exhaustive $(EXHAUSTIVE)
+
 check: .venv/installed lint ## lint, types and the fast tests, between two edits
-	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not slow" --durations 5 --durations-min 2 -q
+	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not exhaustive and not slow" --durations 5 --durations-min 2 -q
 
 check-all: .venv/installed .venv/tf2_msgs.installed lint ## all tests in both number formats, 20,000 wrong messages, docs
 	@for format in float32 bfloat16; do \
 	    printf '\n== %s\n' "$$format"; RADCAM_DEPTH_PRECISION=$$format $(MAKE) --no-print-directory test || exit 1; done
+	@$(MAKE) --no-print-directory test-exhaustive
 	@.venv/bin/python -m benchmarks.fuzz --messages 20000 --seed 1
 	@$(MAKE) --no-print-directory docs
 

@@ -6,7 +6,7 @@ import itertools
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import pytest
 import torch
@@ -19,7 +19,7 @@ from radcam_depth_ros.networks import ArchitectureError, archive
 from radcam_depth_ros.networks.baff import PAPER, Baff
 from radcam_depth_ros.networks.choice import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN, Choice
 from radcam_depth_ros.networks.interface import Network
-from radcam_depth_ros.networks.rasterise import PRIOR_PLANES, depth_to_plane, plane_to_depth
+from radcam_depth_ros.networks.rasterise import depth_to_plane, plane_to_depth
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
 BAFF_FORMS: dict[str, tuple[str, dict[str, object]]] = {
@@ -212,60 +212,29 @@ def test_script_equals_eager(network: Network) -> None:
                     torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
 
 
-class ImageMaps(torch.nn.Module):
-    """The maps of `baff`'s image encoder together with those of its context."""
-
-    def __init__(self, network: Baff) -> None:
-        super().__init__()
-        self.context, self.encoder = network.context, network.encoder
-
-    def forward(self, image: Tensor, planes: Tensor) -> list[Tensor]:
-        assert self.context is not None
-        maps: list[Tensor] = self.encoder(image, planes, self.context(image))
-        return maps
-
-
-def export(module: torch.nn.Module, inputs: tuple[Tensor, ...], shapes: Mapping[str, object]) -> torch.nn.Module:
-    """The module as a graph of torch.export."""
-    # Its cache of operators costs a third of the time where almost each one has a size of its own.
-    with warnings.catch_warnings(), torch._dynamo.config.patch(fake_tensor_cache_enabled=False):
-        # torch's own exporter still warns of its own internals.
-        warnings.simplefilter("ignore")
-        return torch.export.export(module, inputs, dynamic_shapes=dict(shapes)).module()
-
-
-HEIGHT, WIDTH = (torch.export.Dim(name, min=2, max=60) for name in ("height", "width"))
+EXPORTED = [
+    form if form in ("baff", "structured") else pytest.param(form, marks=pytest.mark.exhaustive) for form in FORMS
+]
 
 
 @pytest.mark.timeout(400)  # the exporter takes its time, on a busy machine more
-@pytest.mark.parametrize("network", sorted(FORMS.keys() - {"baff-context", "baff-regions"}), indirect=True)
+@pytest.mark.parametrize("network", EXPORTED, indirect=True)
 def test_export_with_dynamic_height_width_and_number_of_returns(network: Network) -> None:
+    height, width = (32 * torch.export.Dim(name, min=2, max=60) for name in ("height", "width"))
     count = torch.export.Dim("count", min=0, max=4096)
-    shapes = {"image": {2: 32 * HEIGHT, 3: 32 * WIDTH}, "radar": {1: count}, "valid": {1: count}, "ground": {}}
-    exported = export(network, make_inputs(2, 128, 192, 20), shapes)
+    # torch's cache of operators costs a third of the time where almost each one has a size of its own.
+    with warnings.catch_warnings(), torch._dynamo.config.patch(fake_tensor_cache_enabled=False):
+        # Its own exporter still warns of its own internals.
+        warnings.simplefilter("ignore")
+        exported = torch.export.export(
+            network,
+            make_inputs(2, 128, 192, 20),
+            dynamic_shapes={"image": {2: height, 3: width}, "radar": {1: count}, "valid": {1: count}, "ground": {}},
+        ).module()
     for other in (make_inputs(2, 96, 160, 0), make_inputs(2, 64, 64, 33)):
         with torch.inference_mode():
             for a, b in zip(network(*other), exported(*other), strict=True):
                 torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
-
-
-def test_export_of_the_context_with_dynamic_height_and_width() -> None:
-    """All else of `baff-context` is in `baff`, and all of `baff-regions` in `baff` and `baff-paper`, exported above."""
-    network = make_network(*FORMS["baff-context"])
-    assert isinstance(network, Baff)
-    maps = ImageMaps(network)
-
-    def inputs(height: int, width: int) -> tuple[Tensor, Tensor]:
-        generator = torch.Generator().manual_seed(height)
-        planes = torch.rand(2, PRIOR_PLANES, height // 4, width // 4, generator=generator)
-        return make_inputs(2, height, width, 0)[0], planes
-
-    shapes = {"image": {2: 32 * HEIGHT, 3: 32 * WIDTH}, "planes": {2: 8 * HEIGHT, 3: 8 * WIDTH}}
-    exported = export(maps, inputs(128, 192), shapes)
-    for other in (inputs(96, 160), inputs(64, 64)):
-        with torch.inference_mode():
-            for a, b in zip(maps(*other), exported(*other), strict=True):
-                torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize(
