@@ -169,7 +169,7 @@ def test_bad_arguments(arguments: list[str], message: str, capsys: pytest.Captur
 
 @pytest.mark.timeout(240)
 def test_it_measures_an_engine_and_prints_json_alone(tmp_path: Path) -> None:
-    options = ["--size", "64x96", "--frames", "3", "--seconds", "0", "--busy", "1", "--json", "-"]
+    options = ["--size", "64x96", "--frames", "3", "--seconds", "0", "--busy", "0", "1", "--json", "-"]
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.contention", *options],
         cwd=tmp_path,
@@ -181,6 +181,6 @@ def test_it_measures_an_engine_and_prints_json_alone(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     values = json.loads(done.stdout)
     assert values.keys() == KEYS
-    assert [(row["busy"], row["frames"]) for row in values["engine"]] == [(1, 3)]
+    assert [(row["busy"], row["frames"]) for row in values["engine"]] == [(0, 3), (1, 3)]
     assert all(0 < row["median_ms"] <= row["p99_ms"] for row in values["engine"])
     assert values["node"] == []

@@ -3,6 +3,7 @@ from __future__ import annotations
 import copy
 import math
 import threading
+from contextlib import nullcontext
 
 import pytest
 import torch
@@ -251,18 +252,19 @@ def counting_engine(monkeypatch: pytest.MonkeyPatch, threads: int, cores: int = 
     return network, Engine(network, precision="float32", threads=threads)
 
 
+def run_one(network: Counting, engine: Engine, *, fails: bool) -> None:
+    network.fails = fails
+    with pytest.raises(RuntimeError, match="no memory") if fails else nullcontext():
+        engine.run(*frame())
+
+
 def test_a_frame_takes_the_threads_of_the_budget_and_leaves_torchs(monkeypatch: pytest.MonkeyPatch) -> None:
     torch.set_num_threads(4)
     network, engine = counting_engine(monkeypatch, threads=0)
     budget = Budget(4, 1, 3, 2)
     monkeypatch.setattr(engine, "_budget", budget)
     for fails in (False, False, True, False):
-        network.fails = fails
-        if fails:
-            with pytest.raises(RuntimeError, match="no memory"):
-                engine.run(*frame())
-        else:
-            engine.run(*frame())
+        run_one(network, engine, fails=fails)
         assert torch.get_num_threads() == 4
     assert (network.seen, budget.ended) == ([4, 1, 3, 2], 4)
 
@@ -300,12 +302,7 @@ def test_threads_of_its_own_choice_are_torchs_but_no_more_than_cores(
 def test_a_given_number_of_threads_is_taken_whatever_else_runs(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
     network, engine = counting_engine(monkeypatch, threads, cores=2)
     for fails in (False, True):
-        network.fails = fails
-        if fails:
-            with pytest.raises(RuntimeError, match="no memory"):
-                engine.run(*frame())
-        else:
-            engine.run(*frame())
+        run_one(network, engine, fails=fails)
         assert torch.get_num_threads() == 1
     assert network.seen == [threads] * 2
     assert engine.threads == threads
