@@ -25,8 +25,8 @@ from rich.console import Console
 
 from demo.process import keep_to_this_machine
 from radcam_depth_ros import openmp
-from radcam_depth_ros.cli.options import write_json
-from radcam_depth_ros.cli.tables import print_table
+from radcam_depth_ros.cli.terminal.options import write_json
+from radcam_depth_ros.cli.terminal.tables import print_table
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import NETWORK_MULTIPLE
 

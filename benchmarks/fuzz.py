@@ -40,7 +40,7 @@ from benchmarks.fuzz_messages import (
 )
 from benchmarks.streaming import memory_mib
 from radcam_depth_ros.bags import factory
-from radcam_depth_ros.cli.options import progress_bar, write_json
+from radcam_depth_ros.cli.terminal.options import progress_bar, write_json
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import LONGEST_SENTENCE, FloatArray, Frame, RadcamDepthError
 from radcam_depth_ros.pipeline import Pipeline, PipelineConfig

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from radcam_depth_ros.cli.options import write_json
+from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.drive import DriveSettings, read_samples
 from radcam_depth_ros.engine import apart
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig

@@ -21,7 +21,7 @@ from rich.table import Table
 from torch import Tensor, nn
 
 from radcam_depth_ros.bags import factory as bag_factory
-from radcam_depth_ros.cli.options import write_json
+from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
@@ -36,7 +36,7 @@ from radcam_depth_ros.messages import (
     encode_transforms,
 )
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.networks.archive import Archive, Card
+from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
 
 CAMERA = CameraModel(1600, 900, 1266.0, 1266.0, 816.0, 491.5)
@@ -152,7 +152,7 @@ def main() -> None:
     options = parser.parse_args()
     make: Callable[..., Any] = bag_factory
     if options.ros:
-        from radcam_depth_ros.node.factory import build_message as make  # not on a machine without ROS
+        from radcam_depth_ros.node.topics.factory import build_message as make  # not on a machine without ROS
     estimator = Estimator(loaded=Archive(NoCost(), Card("stub", {}, 630.0, 1.0, 100.0, "nothing")))
     found = {
         f"{camera}, {encoding}": measure(make, estimator, encoding, camera == "distorted", options.frames).summary()

@@ -23,7 +23,7 @@ from rich.progress import track
 from rich.table import Table
 
 from radcam_depth_ros import configuration
-from radcam_depth_ros.cli.options import write_json
+from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.simulation import SimulationConfig, recording, simulate
 
 # What the recording calls, by the part that it belongs to; `surroundings` are built on the way, when the vehicle moves.

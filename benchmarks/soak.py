@@ -34,12 +34,12 @@ from demo.plan import Plan, plan_drive
 from demo.process import DemoError, NodeProcess, keep_to_this_machine
 from demo.session import await_discovery, ros_node, spinning
 from radcam_depth_ros import configuration
+from radcam_depth_ros.bag_player import PlayedMessage, PlayedTopic, Player
 from radcam_depth_ros.bags import BagReader, header_stamp_ns
-from radcam_depth_ros.cli.options import progress_bar, write_json
+from radcam_depth_ros.cli.terminal.options import progress_bar, write_json
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.node.factory import message_class
 from radcam_depth_ros.node.latency import LATENCY_TOPICS
-from radcam_depth_ros.playing import PlayedMessage, PlayedTopic, Player
+from radcam_depth_ros.node.topics.factory import message_class
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 
 DRIVE = {

@@ -28,10 +28,10 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from radcam_depth_ros.cli.options import write_json
+from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
-from radcam_depth_ros.node.factory import build_message, message_class
+from radcam_depth_ros.node.topics.factory import build_message, message_class
 
 VERBS = ("", "simulate", "replay", "evaluate", "train", "export", "networks", "inspect")
 PERIOD_S = 0.2

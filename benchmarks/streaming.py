@@ -23,11 +23,17 @@ from pathlib import Path
 
 import numpy as np
 
-from radcam_depth_ros.cli.options import write_json
+from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.frame import CameraModel, GroundPlane
-from radcam_depth_ros.training.augmentation import AugmentationConfig
-from radcam_depth_ros.training.batches import BatchMaker, SampleSet, prefetch
-from radcam_depth_ros.training.samples import FORMAT_VERSION, CachedDrive, DriveCard, SampleWriter, TrainingSample
+from radcam_depth_ros.training.data.augmentation import AugmentationConfig
+from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet, prefetch
+from radcam_depth_ros.training.data.samples import (
+    FORMAT_VERSION,
+    CachedDrive,
+    DriveCard,
+    SampleWriter,
+    TrainingSample,
+)
 
 FRAMES_PER_DRIVE = 10
 CROP = (320, 256)

@@ -12,8 +12,8 @@ from types import TracebackType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from radcam_depth_ros.bag_player import message_class
 from radcam_depth_ros.bags import BagWriter, header_stamp_ns
-from radcam_depth_ros.playing import message_class
 
 
 class Recorder:

@@ -14,8 +14,8 @@ from rclpy.node import Node
 
 from demo.process import DemoError, NodeProcess
 from demo.recorder import Recorder
+from radcam_depth_ros.bag_player import CLOCK_PERIOD_S, PlayedMessage, Player
 from radcam_depth_ros.bags import header_stamp_ns
-from radcam_depth_ros.playing import CLOCK_PERIOD_S, PlayedMessage, Player
 
 START_TIMEOUT_S = 300.0
 FRAME_TIMEOUT_S = 60.0

@@ -19,8 +19,9 @@ from radcam_depth_ros.frame import (
     RadcamDepthError,
 )
 from radcam_depth_ros.geometry import CanonicalCamera, ground_coefficients, project
-from radcam_depth_ros.networks import Depths, archive
-from radcam_depth_ros.networks.archive import Archive, Card
+from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, resample_image, use_one_thread
 
 OUTPUT_SIZES = ("native", "network")

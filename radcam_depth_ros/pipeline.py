@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, ImageArray, RadcamDepthError
+from radcam_depth_ros.frame_builder import FrameBuilder, FrameBuilderConfig
 from radcam_depth_ros.geometry import CanonicalCamera
-from radcam_depth_ros.intake import Intake, IntakeConfig
 from radcam_depth_ros.messages import (
     COLORMAPS,
     DEPTH_ENCODINGS,
@@ -83,8 +83,8 @@ class OutputConfig:
 
 
 @dataclass(frozen=True)
-class PipelineConfig(IntakeConfig):
-    """What the pipeline reads, see `IntakeConfig`, and how it writes.
+class PipelineConfig(FrameBuilderConfig):
+    """What the pipeline reads, see `FrameBuilderConfig`, and how it writes.
 
     Attributes:
         output: How it writes.
@@ -93,14 +93,16 @@ class PipelineConfig(IntakeConfig):
     output: OutputConfig = field(default_factory=OutputConfig)
 
     @classmethod
-    def of(cls, intake: IntakeConfig, output: OutputConfig) -> PipelineConfig:
+    def of(cls, frame_builder: FrameBuilderConfig, output: OutputConfig) -> PipelineConfig:
         """The config of its two parts."""
-        return cls(**{entry.name: getattr(intake, entry.name) for entry in fields(IntakeConfig)}, output=output)
+        return cls(
+            **{entry.name: getattr(frame_builder, entry.name) for entry in fields(FrameBuilderConfig)}, output=output
+        )
 
     @property
-    def intake(self) -> IntakeConfig:
+    def frame_builder(self) -> FrameBuilderConfig:
         """What is read, without how it is written."""
-        return IntakeConfig(**{entry.name: getattr(self, entry.name) for entry in fields(IntakeConfig)})
+        return FrameBuilderConfig(**{entry.name: getattr(self, entry.name) for entry in fields(FrameBuilderConfig)})
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ class DepthMessages:
     classes: Any = None
 
 
-class Pipeline(Intake):
+class Pipeline(FrameBuilder):
     """Messages in, depth messages out.
 
     Not for several threads at once, with one exception: `process` or its halves may run in one thread while another
@@ -144,7 +146,7 @@ class Pipeline(Intake):
     """
 
     config: PipelineConfig
-    ADJUSTABLE: ClassVar[tuple[str, ...]] = (*Intake.ADJUSTABLE, "output")
+    ADJUSTABLE: ClassVar[tuple[str, ...]] = (*FrameBuilder.ADJUSTABLE, "output")
 
     def __init__(self, config: PipelineConfig, estimator: Estimator, factory: MessageFactory) -> None:
         super().__init__(config)

@@ -91,7 +91,7 @@ def replay(
     settings, options = settings or DriveSettings(), options or ReplayOptions()
     with BagReader(source) as reader:
         topics = settings.find_topics(reader)
-        config = PipelineConfig.of(settings.intake_of(topics), options.output)
+        config = PipelineConfig.of(settings.frame_builder_of(topics), options.output)
         pipeline = Pipeline(config, estimator, factory)
         prime(reader, pipeline, topics)
         images = reader.count([topics.image])

@@ -19,8 +19,8 @@ from small_drive import CAMERA_FROM_RADAR, START_NS, small_messages
 from radcam_depth_ros import networks
 from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.messages import StampedTransform, encode_transforms
-from radcam_depth_ros.networks import archive
 from radcam_depth_ros.networks.interface import Network
+from radcam_depth_ros.networks.weights_io import archive
 
 # The environment of the nodes in the tests: nothing leaves this machine, and parallel workers do not hear each other.
 _WORKER = int("".join(filter(str.isdigit, os.environ.get("PYTEST_XDIST_WORKER", "0"))) or "0")
@@ -38,35 +38,35 @@ SLOW_FIXTURES = {"context", "number_format", "record", "small_structured", "smal
 """Tests that ask for one of these are slow: a live node, a simulated drive, a network that is made ready to run."""
 SLOW_PLACES = (
     "networks/test_networks.py",
-    "training/test_processes.py",
+    "training/distributed/test_processes.py",
     "training/test_every_network.py",
-    "benchmarks/test_systems.py",
+    "experiments/test_systems.py",
     "benchmarks/test_node_rate.py",
-    "benchmarks/test_ablation.py",
+    "experiments/test_ablation.py",
     "benchmarks/test_fuzz.py",
     "cli/test_bench_verb.py",
     "demo/test_demo.py",
     "test_estimator.py",
     "training/test_backbones.py",
-    "training/test_distillation.py",
+    "training/losses/test_distillation.py",
     "training/test_fit.py",
     "training/test_initial.py",
-    "training/test_rehearsal.py",
+    "training/data/test_rehearsal.py",
     "training/test_teacher.py",
     "training/test_train_verb.py",
     "node/test_process.py",
     "simulation/test_recorded_drive.py",
     "simulation/test_simulate_verb.py",
-    "simulation/test_world_content.py",
-    "simulation/test_world_parts.py",
-    "networks/test_number_formats.py",
+    "simulation/world/test_world_content.py",
+    "simulation/world/test_world_parts.py",
+    "networks/layers/test_number_formats.py",
     "drive/test_accumulation.py",
     "drive/test_bad_drives.py",
     "engine/test_engine.py",
     "benchmarking/test_measurement.py",
     "cli/test_cli.py",
     "evaluation/test_evaluate_command.py",
-    "networks/test_archive.py",
+    "networks/weights_io/test_archive.py",
     "benchmarks/test_contention.py",
 )
 """Folders and files whose tests are slow, those first that take longest."""

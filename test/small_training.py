@@ -17,14 +17,15 @@ from torch import Tensor, nn
 
 from radcam_depth_ros.evaluation import report
 from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, registry
-from radcam_depth_ros.training import criterion, fit
-from radcam_depth_ros.training.batches import SampleSet
+from radcam_depth_ros.training import fit
+from radcam_depth_ros.training.data.batches import SampleSet
+from radcam_depth_ros.training.data.samples import CachedDrive
+from radcam_depth_ros.training.distributed.normalisation import join_batch_norms
+from radcam_depth_ros.training.distributed.ranks import Ranks, joined
 from radcam_depth_ros.training.fit import Trainer, TrainingData
-from radcam_depth_ros.training.normalisation import join_batch_norms
+from radcam_depth_ros.training.losses import registry as criterion
 from radcam_depth_ros.training.observer import StepReport, ValidationReport
-from radcam_depth_ros.training.ranks import Ranks, joined
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
-from radcam_depth_ros.training.samples import CachedDrive
 
 
 @dataclass(frozen=True)

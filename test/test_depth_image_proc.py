@@ -18,11 +18,11 @@ from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, RadarReturns
 from radcam_depth_ros.geometry import CanonicalCamera, RigidTransform
 from radcam_depth_ros.messages import DEPTH_ENCODINGS, decode_points
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.networks.archive import Archive, Card
+from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 from radcam_depth_ros.pipeline import DepthMessages, OutputConfig, Pipeline, PipelineConfig
-from radcam_depth_ros.simulation import rig
+from radcam_depth_ros.simulation.objects.scene import Scene
 from radcam_depth_ros.simulation.recording import Drive
-from radcam_depth_ros.simulation.scene import Scene
+from radcam_depth_ros.simulation.sensors import rig
 
 FOCAL = 315.0
 FAR_M = 400.0

@@ -14,7 +14,7 @@ from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorErro
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera, GeometryError
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.networks.archive import Archive, Card
+from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 
 FOCAL = 630.0
 WALL_M = 2.0

@@ -12,7 +12,7 @@ from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_im
 from radcam_depth_ros.bags import factory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import Frame, RadarReturns, RadcamDepthError
-from radcam_depth_ros.intake import IntakeError
+from radcam_depth_ros.frame_builder import FrameBuilderError
 from radcam_depth_ros.messages import (
     StampedTransform,
     decode_classes,
@@ -99,7 +99,7 @@ def test_outputs_change_while_frames_come(estimator: Estimator) -> None:
     assert (grey[..., 0] == grey[..., 2]).all()
     dense = after.result.dense[4::8, 4::8]
     assert after.points.width == ((dense >= 1) & (dense <= 900)).sum() < before.points.width / 60
-    with pytest.raises(IntakeError, match="without_radar, max_hold_s, output and limits of pairing can change"):
+    with pytest.raises(FrameBuilderError, match="without_radar, max_hold_s, output and limits of pairing can change"):
         pipeline.adjust(replace(CONFIG, image="/other"))
 
 
@@ -174,7 +174,7 @@ def test_bad_messages_are_named_and_the_next_good_one_works(
     with pytest.raises(RadcamDepthError, match=message):
         feed(pipeline, 0, **changes)
     # Without its camera_info the image that waits is of no use either.
-    with suppress(IntakeError):
+    with suppress(FrameBuilderError):
         pipeline.expire(START_NS + PERIOD_NS * 2)
     frames: tuple[Frame, ...] = ()
     for index in (3, 4):
@@ -184,12 +184,12 @@ def test_bad_messages_are_named_and_the_next_good_one_works(
 
 
 def test_what_is_missing_is_named(estimator: Estimator) -> None:
-    with pytest.raises(IntakeError, match=r"nothing came on /tf_static.*camera_from_radar"):
+    with pytest.raises(FrameBuilderError, match=r"nothing came on /tf_static.*camera_from_radar"):
         feed(Pipeline(CONFIG, estimator, factory), 0)
     pipeline = primed(estimator)
     _, image, _, _ = small_messages(factory, 0)
     pipeline.accept(image[0], image[2], image[3])
-    with pytest.raises(IntakeError, match="no usable camera_info on '/camera/camera_info'"):
+    with pytest.raises(FrameBuilderError, match="no usable camera_info on '/camera/camera_info'"):
         pipeline.expire(image[3] + 150_000_000)
 
 
@@ -197,7 +197,7 @@ def test_empty_frame_ids_take_the_parameter(estimator: Estimator) -> None:
     pipeline = primed(estimator)
     header = small_messages(factory, 0)[1][2].header
     nameless = type(header)(stamp=header.stamp, frame_id="")
-    with pytest.raises(IntakeError, match="camera_frame"):
+    with pytest.raises(FrameBuilderError, match="camera_frame"):
         feed(pipeline, 0, image_raw={"header": nameless})
     pipeline = primed(estimator, replace(CONFIG, camera_frame="camera", radar_frame="radar"))
     (frame,) = feed(pipeline, 0, image_raw={"header": nameless})
@@ -250,7 +250,7 @@ def test_points_that_are_no_points(estimator: Estimator) -> None:
     ],
 )
 def test_settings_that_do_not_fit(values: dict[str, Any], message: str) -> None:
-    with pytest.raises((PipelineError, IntakeError), match=message):
+    with pytest.raises((PipelineError, FrameBuilderError), match=message):
         PipelineConfig(**values)
 
 

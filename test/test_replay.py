@@ -12,7 +12,7 @@ from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.drive import DriveError, DriveSettings, DriveWarning, read_samples
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, NetworkInputs
 from radcam_depth_ros.frame import Frame, RadcamDepthError
-from radcam_depth_ros.intake import IntakeConfig
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.messages import (
     MessageError,
     StampedTransform,
@@ -92,11 +92,13 @@ def test_images_without_radar_have_no_depth_where_they_are_suppressed(
     tmp_path: Path, write_drive: WriteDrive, estimator: Estimator
 ) -> None:
     drive = write_drive(tmp_path / "drive.mcap", frames=3)
-    settings = DriveSettings(IntakeConfig(without_radar="suppress", pairing=PairingConfig(max_time_offset_s=0.01)))
+    settings = DriveSettings(
+        FrameBuilderConfig(without_radar="suppress", pairing=PairingConfig(max_time_offset_s=0.01))
+    )
     seen: list[int] = []
     summary = replay(drive, tmp_path / "out.mcap", estimator, settings, progress=lambda done, _: seen.append(done))
     assert (summary.images, summary.frames, summary.without_radar, seen) == (3, 0, 3, [1, 2, 3])
-    held = DriveSettings(IntakeConfig(without_radar="hold", pairing=PairingConfig(max_time_offset_s=0.03)))
+    held = DriveSettings(FrameBuilderConfig(without_radar="hold", pairing=PairingConfig(max_time_offset_s=0.03)))
     assert replay(drive, tmp_path / "held.mcap", estimator, held).without_radar == 0
 
 
@@ -227,7 +229,7 @@ def test_samples_without_ground_truth(tmp_path: Path, write_drive: WriteDrive) -
 def test_extrinsics_given_by_hand(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
     drive = write_drive(tmp_path / "drive.mcap", without=("/tf_static",))
     numbers = (*CAMERA_FROM_RADAR.translation, *CAMERA_FROM_RADAR.quaternion)
-    summary = replay(drive, tmp_path / "out", estimator, DriveSettings(IntakeConfig(camera_from_radar=numbers)))
+    summary = replay(drive, tmp_path / "out", estimator, DriveSettings(FrameBuilderConfig(camera_from_radar=numbers)))
     assert summary.frames == 5
 
 
@@ -235,7 +237,7 @@ def test_several_sweeps_of_a_bag_that_does_not_say_how_the_vehicle_moved(
     tmp_path: Path, write_drive: WriteDrive, estimator: Estimator
 ) -> None:
     drive = write_drive(tmp_path / "drive.mcap")
-    settings = DriveSettings(IntakeConfig(pairing=PairingConfig(radar_sweeps=3)))
+    settings = DriveSettings(FrameBuilderConfig(pairing=PairingConfig(radar_sweeps=3)))
     sentence = r"in 5 of 5 frames radar returns cannot be moved .* no pose of 'camera' in 'odom' came on /tf"
     with pytest.warns(DriveWarning, match=sentence):
         summary = replay(drive, tmp_path / "out", estimator, settings)

@@ -14,7 +14,7 @@ from radcam_depth_ros.benchmarking.subject import Size
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, Frame, RadarReturns
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.networks.archive import Archive, Card
+from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 
 RESAMPLE, RESAMPLE_BACK = "resample", "resample back"
 _AS_IT_IS, _SMALLER, _BOTH_WAYS = "estimator alone", "estimator, resampling", "estimator, resampling both ways"

@@ -15,9 +15,9 @@ from radcam_depth_ros.benchmarking.memory import peak_allocated_mb
 from radcam_depth_ros.benchmarking.rotation import Task
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Subject
 from radcam_depth_ros.engine.calls import forward
-from radcam_depth_ros.networks import archive
-from radcam_depth_ros.networks.folding import folded
-from radcam_depth_ros.networks.number_formats import convert
+from radcam_depth_ros.networks.layers.number_formats import convert
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io.folding import folded
 
 GFLOP_COUNTING = (
     "2 operations a multiply-add, of convolutions, matrix products and attention only, counted by "

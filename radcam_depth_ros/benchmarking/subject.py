@@ -14,8 +14,9 @@ from radcam_depth_ros.engine import MODES, PRECISIONS, Engine
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import NETWORK_MULTIPLE
-from radcam_depth_ros.networks import Depths, Network, archive, registry
-from radcam_depth_ros.networks.archive import Archive, Card
+from radcam_depth_ros.networks import Depths, Network, registry
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 
 CAMERA_HEIGHT_M = 1.5
 

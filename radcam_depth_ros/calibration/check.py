@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 
 from radcam_depth_ros.calibration.evidence import LIDAR_PARTS, Evidence, lidar_parts
-from radcam_depth_ros.calibration.judgement import judge, judge_radar
 from radcam_depth_ros.calibration.pictures import draw_view
 from radcam_depth_ros.calibration.placements import alternatives
 from radcam_depth_ros.calibration.recording import CalibrationError, Recording, read_recording
 from radcam_depth_ros.calibration.report import OK, SUSPECT, UNKNOWN, Report, SensorReport
 from radcam_depth_ros.calibration.timing import judge_times
+from radcam_depth_ros.calibration.verdict import judge, judge_radar
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.pairing import for_each_radar
@@ -56,7 +56,7 @@ def check(
         sensors.append(_judge_lidar(recording, sensors, up))
     progress("comparing", steps - 1, steps)
     offsets_s = for_each_radar(
-        "radar_time_offset_s", settings.intake.pairing.radar_time_offset_s, len(recording.topics.radars)
+        "radar_time_offset_s", settings.frame_builder.pairing.radar_time_offset_s, len(recording.topics.radars)
     )
     times = judge_times(recording, offsets_s)
     progress("comparing", steps, steps)

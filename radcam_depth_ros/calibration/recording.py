@@ -16,8 +16,8 @@ from radcam_depth_ros.calibration.placements import Pose
 from radcam_depth_ros.calibration.signals import Signal
 from radcam_depth_ros.drive import DriveSettings, prime
 from radcam_depth_ros.frame import FloatArray, Frame, RadcamDepthError
+from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.geometry import GeometryError, RigidTransform
-from radcam_depth_ros.intake import Intake
 from radcam_depth_ros.messages import decode_points, decode_radar
 from radcam_depth_ros.motion import Motion, OwnMotion, own_motion
 from radcam_depth_ros.pairing import for_each_radar
@@ -134,10 +134,10 @@ def read_recording(
 class _Reading:
     def __init__(self, reader: BagReader, topics: SensorTopics, settings: DriveSettings, frames: int) -> None:
         self._reader, self._topics, self._settings = reader, topics, settings
-        config = settings.intake_of(topics)
-        self._intake, self._aliases = Intake(config), config.field_aliases()
+        config = settings.frame_builder_of(topics)
+        self._frame_builder, self._aliases = FrameBuilder(config), config.field_aliases()
         self._offsets_s = for_each_radar(
-            "radar_time_offset_s", settings.intake.pairing.radar_time_offset_s, len(topics.radars)
+            "radar_time_offset_s", settings.frame_builder.pairing.radar_time_offset_s, len(topics.radars)
         )
         self._seconds = reader.duration_ns / _SECOND
         self._share = min(1.0, _LONGEST_S / self._seconds) if self._seconds > 0 else 1.0
@@ -154,7 +154,7 @@ class _Reading:
 
     def read(self, progress: Callable[[int, int], None]) -> Recording:
         topics, reader = self._topics, self._reader
-        prime(reader, self._intake, topics)
+        prime(reader, self._frame_builder, topics)
         motion_topic = topics.odometry or topics.tf
         names = {topics.image, topics.camera_info, *topics.radars}
         names |= {name for name in (topics.lidar, motion_topic) if name}
@@ -164,14 +164,14 @@ class _Reading:
             self._take(item, motion_topic)
             if number % 20 == 0:
                 progress(min(number, total), total)
-        for frame in self._intake.flush():
+        for frame in self._frame_builder.flush():
             self._look(frame)
         progress(total, total)
         return self._recording()
 
     def _take(self, item: BagMessage, motion_topic: str | None) -> None:
         topics, now_ns = self._topics, item.log_time_ns
-        for frame in self._intake.expire(now_ns):
+        for frame in self._frame_builder.expire(now_ns):
             self._look(frame)
         if item.topic == topics.lidar:
             self._scans.append(item)
@@ -183,7 +183,7 @@ class _Reading:
         else:
             if item.topic in topics.radars:
                 self._sweep(item)
-            for frame in self._intake.accept(item.topic, item.message, now_ns):
+            for frame in self._frame_builder.accept(item.topic, item.message, now_ns):
                 self._look(frame)
 
     def _follow(self, item: BagMessage) -> None:
@@ -192,14 +192,14 @@ class _Reading:
             self._motion = Motion(
                 item.topic,
                 is_odometry=bool(self._topics.odometry),
-                transforms=self._intake.transforms,
+                transforms=self._frame_builder.transforms,
                 anchor=frame_id,
             )
         self._motion.accept(item.message)
 
     def _camera_frame(self) -> str:
         for item in self._reader.messages([self._topics.image]):
-            return str(item.message.header.frame_id) or self._settings.intake.camera_frame
+            return str(item.message.header.frame_id) or self._settings.frame_builder.camera_frame
         return ""
 
     def _sweep(self, item: BagMessage) -> None:
@@ -228,13 +228,15 @@ class _Reading:
         lidar = None
         if any(scans for _, scans in self._views):
             lidar_frame = next(decode_points(scans[0].message).frame_id for _, scans in self._views if scans)
-            lidar = Pose.of(self._intake.transforms.lookup(frame_id, lidar_frame))
+            lidar = Pose.of(self._frame_builder.transforms.lookup(frame_id, lidar_frame))
         views = tuple(self._view(frame, scans, radars) for frame, scans in self._views)
-        motion = self._motion or Motion("/odom", is_odometry=True, transforms=self._intake.transforms, anchor=frame_id)
+        motion = self._motion or Motion(
+            "/odom", is_odometry=True, transforms=self._frame_builder.transforms, anchor=frame_id
+        )
         base_from_camera = None
         if motion.base_frame is not None:
             try:
-                base_from_camera = self._intake.transforms.lookup(motion.base_frame, frame_id)
+                base_from_camera = self._frame_builder.transforms.lookup(motion.base_frame, frame_id)
             except GeometryError:
                 base_from_camera = None  # what the vehicle's motion would tell is then reported as unknown
         seconds_read = min(self._seconds, _LONGEST_S)
@@ -255,7 +257,7 @@ class _Reading:
         sweeps = tuple(self._sweeps[topic])
         if not sweeps:
             raise CalibrationError(f"no cloud came on {topic} in the {_LONGEST_S:g} s that are read; leave it out")
-        place = Pose.of(self._intake.camera_from_radar(index, self._radar_frames[topic], camera_frame))
+        place = Pose.of(self._frame_builder.camera_from_radar(index, self._radar_frames[topic], camera_frame))
         is_over_ground = self._over_ground[topic]
         own = (None if is_over_ground else own_motion(sweep.xyz_m, sweep.radial_speed_mps) for sweep in sweeps)
         return Radar(topic, place, sweeps, is_over_ground, tuple(own))

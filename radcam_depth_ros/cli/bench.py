@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from radcam_depth_ros.cli.options import (
+from radcam_depth_ros.cli.terminal.options import (
     DeviceOption,
     JsonOption,
     ModelOption,
@@ -57,8 +57,8 @@ def bench(
     from radcam_depth_ros.benchmarking.measurement import measure
     from radcam_depth_ros.benchmarking.rotation import Schedule
     from radcam_depth_ros.benchmarking.subject import Size, Subject
-    from radcam_depth_ros.cli.bench_request import parse_against, parse_count, parse_size, with_frames
-    from radcam_depth_ros.cli.bench_tables import print_report
+    from radcam_depth_ros.cli.terminal.bench_request import parse_against, parse_count, parse_size, with_frames
+    from radcam_depth_ros.cli.terminal.bench_tables import print_report
 
     subject = Subject(network=network, model_file=str(model or ""), precision=precision, device=device, threads=threads)
     counts = [parse_count(part) for part in points.split(",")]

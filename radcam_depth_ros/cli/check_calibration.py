@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from radcam_depth_ros.cli.node_parameters import OUTPUT, ParamsOption, node_parameters
-from radcam_depth_ros.cli.options import Bag, ImageOption, JsonOption, RadarOption, progress_bar, write_json
-from radcam_depth_ros.cli.tables import print_table
+from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
+from radcam_depth_ros.cli.terminal.options import Bag, ImageOption, JsonOption, RadarOption, progress_bar, write_json
+from radcam_depth_ros.cli.terminal.tables import print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.calibration import Report, SensorReport

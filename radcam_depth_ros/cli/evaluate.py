@@ -13,8 +13,8 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from radcam_depth_ros.cli.node_parameters import OUTPUT, ParamsOption, node_parameters
-from radcam_depth_ros.cli.options import (
+from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
+from radcam_depth_ros.cli.terminal.options import (
     DeviceChoice,
     ImageOption,
     JsonOption,
@@ -28,7 +28,7 @@ from radcam_depth_ros.cli.options import (
     progress_bar,
     write_json,
 )
-from radcam_depth_ros.cli.tables import print_table
+from radcam_depth_ros.cli.terminal.tables import print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings, Sample
@@ -164,7 +164,7 @@ def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | 
     """
     from radcam_depth_ros.bags import BagReader, read_scenario
     from radcam_depth_ros.evaluation.metrics import EvaluationError
-    from radcam_depth_ros.training.data import find_bags
+    from radcam_depth_ros.training.drives import find_bags
 
     bags = find_bags(places)
     names = [bag.stem if bag.is_file() else bag.name for bag in bags]

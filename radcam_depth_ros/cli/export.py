@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from radcam_depth_ros.cli.options import ModelOption, NetworkOption
+from radcam_depth_ros.cli.terminal.options import ModelOption, NetworkOption
 
 
 def export(
@@ -19,7 +19,7 @@ def export(
 
     Example: radcam-depth export out/baff.pt --network baff
     """
-    from radcam_depth_ros.networks import archive
+    from radcam_depth_ros.networks.weights_io import archive
 
     archive.export(archive.load(model or network), out)
     typer.echo(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB", err=True)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from radcam_depth_ros.cli.options import Bag, JsonOption, progress_bar, write_json
+from radcam_depth_ros.cli.terminal.options import Bag, JsonOption, progress_bar, write_json
 
 
 def inspect(
@@ -26,7 +26,7 @@ def inspect(
     radcam-depth inspect out/seen --write-params out/seen.yaml
     """
     from radcam_depth_ros import inspection
-    from radcam_depth_ros.cli.inspect_tables import print_report
+    from radcam_depth_ros.cli.terminal.inspect_tables import print_report
     from radcam_depth_ros.frame import RadcamDepthError
 
     if params is not None:

@@ -6,8 +6,8 @@ from typing import Any
 
 from rich.console import Console
 
-from radcam_depth_ros.cli.options import JsonOption, write_json
-from radcam_depth_ros.cli.tables import print_table
+from radcam_depth_ros.cli.terminal.options import JsonOption, write_json
+from radcam_depth_ros.cli.terminal.tables import print_table
 
 
 def networks(json_target: JsonOption = None) -> None:
@@ -30,7 +30,8 @@ def networks(json_target: JsonOption = None) -> None:
 
 
 def _entry(name: str) -> dict[str, Any]:
-    from radcam_depth_ros.networks import archive, registry
+    from radcam_depth_ros.networks import registry
+    from radcam_depth_ros.networks.weights_io import archive
 
     has_weights = archive.shipped(name).is_file()
     loaded = archive.load(name) if has_weights else None

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from radcam_depth_ros.cli.options import Bag, needs_ros, progress_bar
+from radcam_depth_ros.cli.terminal.options import Bag, needs_ros, progress_bar
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.playing import Progress
+    from radcam_depth_ros.bag_player import Progress
 
 
 def play(
@@ -39,7 +39,7 @@ def play(
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with needs_ros("play"):
-            from radcam_depth_ros import playing
+            from radcam_depth_ros import bag_player as playing
         options = playing.PlayOptions(rate, loop, start, duration, tuple(topics or ()), clock, delay)
         playback = playing.Playback(bag, options)
         for sentence in playback.left_out:

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from radcam_depth_ros.cli.node_parameters import ParamsOption, node_parameters
-from radcam_depth_ros.cli.options import (
+from radcam_depth_ros.cli.terminal.node_parameters import ParamsOption, node_parameters
+from radcam_depth_ros.cli.terminal.options import (
     Bag,
     DeviceChoice,
     ImageOption,
@@ -22,7 +22,7 @@ from radcam_depth_ros.cli.options import (
     load_estimator,
     progress_bar,
 )
-from radcam_depth_ros.cli.tables import print_table
+from radcam_depth_ros.cli.terminal.tables import print_table
 
 
 def replay(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from radcam_depth_ros.cli.options import progress_bar
+from radcam_depth_ros.cli.terminal.options import progress_bar
 
 
 def simulate(

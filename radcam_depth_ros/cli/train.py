@@ -16,15 +16,15 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from radcam_depth_ros.cli.node_parameters import INFERENCE, OUTPUT, ParamsOption, node_parameters
+from radcam_depth_ros.cli.terminal.node_parameters import INFERENCE, OUTPUT, ParamsOption, node_parameters
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.training.cache import CacheSettings
+    from radcam_depth_ros.training.data.cache import CacheSettings
+    from radcam_depth_ros.training.data.samples import CachedDrive
     from radcam_depth_ros.training.fit import FitResult, TrainingData
     from radcam_depth_ros.training.initial import Sources
     from radcam_depth_ros.training.observer import StepReport, ValidationReport
     from radcam_depth_ros.training.plan import RunPlan
-    from radcam_depth_ros.training.samples import CachedDrive
     from radcam_depth_ros.training.validation import ValidationResult
 
 STOPPED = 130
@@ -100,11 +100,11 @@ def train(
     """
     from radcam_depth_ros.training.checkpoint import before
     from radcam_depth_ros.training.curves import require_tensorboard
+    from radcam_depth_ros.training.distributed.ranks import joined
+    from radcam_depth_ros.training.errors import TrainingError
     from radcam_depth_ros.training.fit import CHECKPOINT, Trainer
     from radcam_depth_ros.training.initial import Sources
     from radcam_depth_ros.training.plan import RunPlan
-    from radcam_depth_ros.training.ranks import joined
-    from radcam_depth_ros.training.samples import TrainingError
 
     with joined() as ranks:
         console = Console(stderr=True, quiet=not ranks.is_first)
@@ -114,7 +114,7 @@ def train(
             node = node_parameters(params, {"network": network}, unused=(*OUTPUT, *INFERENCE))
             name, read = node.config.estimator.network, node.drive_settings(ground_truth=ground_truth)
             plan = _new_plan(out, name, given, validation_bags or [], rehearsal_bags or [], config, cache, sources)
-            plan = replace(plan, ground_truth=read.ground_truth, intake=read.intake, topics=read.topics)
+            plan = replace(plan, ground_truth=read.ground_truth, frame_builder=read.frame_builder, topics=read.topics)
         elif any((given, params, validation_bags, rehearsal_bags, config, *weights, seed is not None)):
             raise TrainingError(
                 "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
@@ -198,12 +198,13 @@ def _new_plan(
     sources: Sources,
 ) -> RunPlan:
     from radcam_depth_ros import configuration
-    from radcam_depth_ros.networks import archive, registry
-    from radcam_depth_ros.training.criterion import Criterion
-    from radcam_depth_ros.training.data import find_bags
+    from radcam_depth_ros.networks import registry
+    from radcam_depth_ros.networks.weights_io import archive
+    from radcam_depth_ros.training.drives import find_bags
+    from radcam_depth_ros.training.errors import TrainingError
+    from radcam_depth_ros.training.losses.registry import Criterion
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
     from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig, recipe_of
-    from radcam_depth_ros.training.samples import TrainingError
 
     if not bags:
         raise TrainingError("give the bags to train on: --bags FOLDER")
@@ -239,9 +240,9 @@ def _found_again(source: str | None) -> str | None:
 
 def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
     from radcam_depth_ros.networks import registry
-    from radcam_depth_ros.training.cache import CacheSettings, cached_drives
-    from radcam_depth_ros.training.data import load_data, with_rehearsal
-    from radcam_depth_ros.training.rehearsal import rehearsal_drives
+    from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
+    from radcam_depth_ros.training.data.rehearsal import rehearsal_drives
+    from radcam_depth_ros.training.drives import load_data, with_rehearsal
 
     recipe, cache = plan.config, Path(plan.cache)
     architecture = registry.create_config(plan.network, recipe.architecture)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from radcam_depth_ros.cli.node_parameters import NodeParameters, ParamsOption, node_parameters
-from radcam_depth_ros.cli.options import (
+from radcam_depth_ros.cli.terminal.node_parameters import NodeParameters, ParamsOption, node_parameters
+from radcam_depth_ros.cli.terminal.options import (
     DeviceChoice,
     ImageOption,
     ModelOption,
@@ -153,7 +153,7 @@ def _view_live(
     from radcam_depth_ros import viewing
 
     with needs_ros(f"view {_LIVE}"):
-        from radcam_depth_ros import listening
+        from radcam_depth_ros import live_topics as listening
     with listening.listener(listening.ListenOptions(seconds)) as source, progress_bar() as bar:
         # Ctrl-C ends the listening, not the writing of what came.
         before = signal.signal(signal.SIGINT, lambda *_: source.stop())

@@ -15,7 +15,7 @@ from radcam_depth_ros.drive.scan_use import LEFT_OUT, ScanUse
 from radcam_depth_ros.drive.settings import DriveError, DriveSettings, DriveWarning
 from radcam_depth_ros.drive.truth import GroundTruth
 from radcam_depth_ros.frame import Frame
-from radcam_depth_ros.intake import Intake, IntakeConfig
+from radcam_depth_ros.frame_builder import FrameBuilder, FrameBuilderConfig
 from radcam_depth_ros.messages import stamp_ns
 from radcam_depth_ros.pairing import for_each_radar
 
@@ -26,28 +26,28 @@ _EARLY_FRAMES = 20
 """After so many frames clocks are compared: whoever reads an hour need not wait for its end."""
 
 
-def prime(reader: BagReader, intake: Intake, topics: SensorTopics) -> None:
-    """Gives the intake a bag's transforms and its first camera_info, as a node that was there before would have them.
+def prime(reader: BagReader, frame_builder: FrameBuilder, topics: SensorTopics) -> None:
+    """Gives the builder a bag's transforms and its first camera_info, as a node that was there before has them.
 
     A recording may hold an image before the first camera_info; live, that image would be lost.
     """
     if topics.tf_static:
         for message in reader.messages([topics.tf_static]):
-            intake.accept("/tf_static", message.message, message.log_time_ns)
+            frame_builder.accept("/tf_static", message.message, message.log_time_ns)
     for message in reader.messages([topics.camera_info]):
-        intake.accept(message.topic, message.message, message.log_time_ns)
+        frame_builder.accept(message.topic, message.message, message.log_time_ns)
         break
 
 
-def motion_topics(topics: SensorTopics, config: IntakeConfig) -> dict[str, str]:
-    """The topics of a bag that tell how the vehicle and the sensors on it move, by what an intake calls them."""
+def motion_topics(topics: SensorTopics, config: FrameBuilderConfig) -> dict[str, str]:
+    """Topics of a bag that tell the motion of the vehicle and its sensors, by the name that the node has for each."""
     odometry = {config.odometry: config.odometry} if config.moves_radar and config.odometry else {}
     return {**odometry, **({topics.tf: "/tf"} if topics.tf else {})}
 
 
-def unmoved(intake: Intake, frames: int) -> str:
+def unmoved(frame_builder: FrameBuilder, frames: int) -> str:
     """A sentence on the frames whose radar returns could not be moved to their images' time."""
-    return f"in {intake.unmoved_frames} of {frames} frames {intake.last_motion_problem}"
+    return f"in {frame_builder.unmoved_frames} of {frames} frames {frame_builder.last_motion_problem}"
 
 
 def read_samples(
@@ -72,41 +72,43 @@ def read_samples(
     tell = tell or warn
     with BagReader(path) as reader, BagReader(path) as ahead:
         topics = settings.find_topics(reader)
-        config = settings.intake_of(topics)
-        intake, moving = Intake(config), motion_topics(topics, config)
-        prime(reader, intake, topics)
-        # What is fixed, without the links of /tf that the intake adds.
-        fixed = intake.transforms.copy()
+        config = settings.frame_builder_of(topics)
+        frame_builder, moving = FrameBuilder(config), motion_topics(topics, config)
+        prime(reader, frame_builder, topics)
+        # What is fixed, without the links of /tf that the frame_builder adds.
+        fixed = frame_builder.transforms.copy()
         truth = GroundTruth(topics, settings, fixed, ahead, tell)
-        fit = _Fit(topics, settings, intake, truth)
+        fit = _Fit(topics, settings, frame_builder, truth)
         waiting: deque[Frame] = deque()
         wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics, *moving}
         for message in reader.messages(wanted):
             now_ns = message.log_time_ns
             truth.accept(message.topic, message.message)
-            waiting.extend(intake.expire(now_ns))
-            waiting.extend(intake.accept(moving.get(message.topic, message.topic), message.message, now_ns))
+            waiting.extend(frame_builder.expire(now_ns))
+            waiting.extend(frame_builder.accept(moving.get(message.topic, message.topic), message.message, now_ns))
             if message.topic not in moving:
                 fit.note(message.topic, stamp_ns(message.message.header), now_ns)
             while waiting and truth.is_complete(waiting[0], now_ns):
                 yield fit.counted(truth.sample(waiting.popleft()))
-        waiting.extend(intake.flush())
+        waiting.extend(frame_builder.flush())
         for frame in waiting:
             yield fit.counted(truth.sample(frame))
         fit.judge(tell)
-        if intake.unmoved_frames:
-            tell(unmoved(intake, fit.frames))
+        if frame_builder.unmoved_frames:
+            tell(unmoved(frame_builder, fit.frames))
 
 
 class _Fit:
     """Whether images, radars and ground truth of a bag fit together in time."""
 
-    def __init__(self, topics: SensorTopics, settings: DriveSettings, intake: Intake, truth: GroundTruth) -> None:
+    def __init__(
+        self, topics: SensorTopics, settings: DriveSettings, frame_builder: FrameBuilder, truth: GroundTruth
+    ) -> None:
         self._clocks = Clocks(topics.image)
         self._topics, self._settings = topics, settings
-        self._intake, self._truth = intake, truth
+        self._frame_builder, self._truth = frame_builder, truth
         offsets_s = for_each_radar(
-            "radar_time_offset_s", settings.intake.pairing.radar_time_offset_s, len(topics.radars)
+            "radar_time_offset_s", settings.frame_builder.pairing.radar_time_offset_s, len(topics.radars)
         )
         self._radar_offsets_ns = {
             topic: round(offset_s * 1e9) for topic, offset_s in zip(topics.radars, offsets_s, strict=True)
@@ -135,8 +137,8 @@ class _Fit:
         self._check_clocks()
         if self.frames < _JUDGED_FRAMES:
             return
-        limit_s = self._settings.intake.pairing.max_time_offset_s
-        counts = self._intake.counts
+        limit_s = self._settings.frame_builder.pairing.max_time_offset_s
+        counts = self._frame_builder.counts
         if counts.radars and counts.unmatched >= _UNMATCHED_SHARE * self.frames:
             reason = self._clocks.reason(counts.radars[0].name, limit_s)
             raise DriveError(f"{counts.unmatched} of {self.frames} images have no radar sweep: {reason}")

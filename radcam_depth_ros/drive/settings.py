@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from radcam_depth_ros.bags import BagReader, TopicInfo
 from radcam_depth_ros.bags.topics import IMAGE_TYPES, SensorTopics, find_topics
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.intake import IntakeConfig
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 
 GROUND_TRUTHS = ("any", "exact", "lidar", "both", "none")
 ACCUMULATIONS = ("never", "where_possible", "always")
@@ -110,8 +110,8 @@ class DriveSettings:
     """How a bag is read.
 
     Attributes:
-        intake: How frames are made, as in the node. The topics in it stand for those that are found: they say how many
-            radars lists with a value for each radar are of.
+        frame_builder: How frames are made, as in the node. Its topics stand for those that are found: they say for how
+            many radars a list has a value each.
         topics: Which topics are read.
         ground_truth: `exact` depth images, `lidar`, `both` (exact, and the nearest scan besides), `any` (exact where
             there is, else LiDAR), or `none`.
@@ -123,7 +123,7 @@ class DriveSettings:
         max_lidar_offset_s: The farthest that a LiDAR scan may lie from its image in time.
     """
 
-    intake: IntakeConfig = field(default_factory=IntakeConfig)
+    frame_builder: FrameBuilderConfig = field(default_factory=FrameBuilderConfig)
     topics: TopicChoice = field(default_factory=TopicChoice)
     ground_truth: str = "any"
     accumulate: str = "never"
@@ -141,10 +141,10 @@ class DriveSettings:
         """The sensors of a bag; BagError names what it lacks."""
         return self.topics.find(reader.topics)
 
-    def intake_of(self, topics: SensorTopics) -> IntakeConfig:
+    def frame_builder_of(self, topics: SensorTopics) -> FrameBuilderConfig:
         """How frames are made of these topics."""
         return replace(
-            self.intake,
+            self.frame_builder,
             image=topics.image,
             camera_info=topics.camera_info,
             radars=topics.radars,

@@ -15,9 +15,10 @@ from radcam_depth_ros.engine.load import allowed_cores, usable_cores
 from radcam_depth_ros.engine.memory import give_back_memory, keep_freed_memory
 from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
 from radcam_depth_ros.engine.sharing import ThreadBudget
-from radcam_depth_ros.networks import Depths, archive
-from radcam_depth_ros.networks.folding import folded
-from radcam_depth_ros.networks.number_formats import convert
+from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.networks.layers.number_formats import convert
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io.folding import folded
 
 MODES = ("frozen", "eager")
 

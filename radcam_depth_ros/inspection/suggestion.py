@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from radcam_depth_ros.frame import GroundPlane
+from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
 from radcam_depth_ros.geometry import TransformTree
-from radcam_depth_ros.intake import COMPRESSED_SUFFIX
 
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 

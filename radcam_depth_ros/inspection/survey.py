@@ -13,6 +13,7 @@ from radcam_depth_ros.bags import BagReader, read_static_transforms
 from radcam_depth_ros.bags.topics import CAMERA_INFO_TYPES, IMAGE_TYPES
 from radcam_depth_ros.drive.clocks import Clocks
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.geometry import TransformTree
 from radcam_depth_ros.inspection import findings
 from radcam_depth_ros.inspection.advice import suggest
@@ -20,7 +21,6 @@ from radcam_depth_ros.inspection.recording import Recording
 from radcam_depth_ros.inspection.report import CameraFacts, ExtrinsicFacts, Finding, OffsetFacts, Report
 from radcam_depth_ros.inspection.roles import Roles
 from radcam_depth_ros.inspection.timing import nearest_offsets_ns
-from radcam_depth_ros.intake import IntakeConfig
 from radcam_depth_ros.messages import decode_transforms
 from radcam_depth_ros.pairing import PairingConfig
 
@@ -56,7 +56,7 @@ def survey(path: Path | str, progress: Callable[[int, int], None] | None = None)
     extrinsics = tuple(_extrinsics(recordings, roles, transforms))
     limits = PairingConfig()
     offsets = tuple(_offsets(recordings, roles, limits))
-    footprint = IntakeConfig().footprint_frame
+    footprint = FrameBuilderConfig().footprint_frame
     road_is_known = any(transforms.can_transform(facts.camera_frame, footprint) for facts in extrinsics)
     found: list[Finding] = [Finding("error", transform_problem)] if transform_problem else []
     found += [

@@ -1,7 +1,7 @@
 """The networks: torch only. `create` builds one by name, `archive` reads and writes their weights."""
 
-from radcam_depth_ros.networks.baff import Baff, BaffConfig
-from radcam_depth_ros.networks.baseline import Baseline
+from radcam_depth_ros.networks.baff.baseline import Baseline
+from radcam_depth_ros.networks.baff.network import Baff, BaffConfig
 from radcam_depth_ros.networks.cafnet import Cafnet, CafnetConfig, CafnetOutputs
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures

@@ -14,15 +14,15 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.config import NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
-from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
-from radcam_depth_ros.networks.number_formats import Float32Conv2d
-from radcam_depth_ros.networks.patches import Patches, around, check_patch, covered
-from radcam_depth_ros.networks.planar_guidance import ConvElu, PlanarDecoder, UpConv
-from radcam_depth_ros.networks.planes import PLANES, draw_planes
+from radcam_depth_ros.networks.layers.ground import GroundPrior
+from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
+from radcam_depth_ros.networks.layers.patches import Patches, around, check_patch, covered
+from radcam_depth_ros.networks.layers.planar_guidance import ConvElu, PlanarDecoder, UpConv
+from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
+from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
+from radcam_depth_ros.networks.layers.sparse import SparseConv
 from radcam_depth_ros.networks.registry import register
-from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
-from radcam_depth_ros.networks.sparse import SparseConv
 
 SPARSE_WIDTHS = (16, 16, 16, 3)
 SPARSE_KERNELS = (7, 5, 3, 3)

@@ -11,17 +11,17 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from radcam_depth_ros.networks.caution import CautiousDepth, check_caution
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
-from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
-from radcam_depth_ros.networks.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
-from radcam_depth_ros.networks.number_formats import Float32Conv2d
-from radcam_depth_ros.networks.patches import alike, around, check_patch
-from radcam_depth_ros.networks.planes import PLANES, draw_planes
+from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_caution
+from radcam_depth_ros.networks.layers.ground import GroundPrior
+from radcam_depth_ros.networks.layers.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
+from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
+from radcam_depth_ros.networks.layers.patches import alike, around, check_patch
+from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
+from radcam_depth_ros.networks.layers.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
 from radcam_depth_ros.networks.registry import register
-from radcam_depth_ros.networks.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
 
 IMAGE_CHANNELS = (64, 64, 128, 256, 512)
 """Of the image's maps after affinity, at 1/2, 1/4, 1/8, 1/16, 1/32: those of `cafnet`'s image encoder."""

@@ -13,16 +13,16 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS
-from radcam_depth_ros.networks.caution import CautiousDepth, check_caution
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
-from radcam_depth_ros.networks.ground import GroundPrior
 from radcam_depth_ros.networks.interface import Depths, SinglePass
-from radcam_depth_ros.networks.number_formats import Float32Conv2d
-from radcam_depth_ros.networks.rasterise import depth_to_plane, draw_nearest, plane_to_depth
+from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_caution
+from radcam_depth_ros.networks.layers.ground import GroundPrior
+from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
+from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, draw_nearest, plane_to_depth
+from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
+from radcam_depth_ros.networks.layers.sparse import SparseConv
+from radcam_depth_ros.networks.layers.up_projection import LEVELS, UpDecoder
 from radcam_depth_ros.networks.registry import register
-from radcam_depth_ros.networks.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
-from radcam_depth_ros.networks.sparse import SparseConv
-from radcam_depth_ros.networks.up_projection import LEVELS, UpDecoder
 
 AGREEMENT = 0.2
 """Relative difference of coarse and dense depth at which the semi-dense depth counts 1 / e as much as without any."""

@@ -22,13 +22,13 @@ from radcam_depth_ros.engine import apart, give_back_memory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, RadcamDepthError
 from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
-from radcam_depth_ros.node.factory import build_message, message_class
 from radcam_depth_ros.node.health import Level, Problems
-from radcam_depth_ros.node.inputs import Inputs, find_inputs
 from radcam_depth_ros.node.latency import LatencyTopics
-from radcam_depth_ros.node.outputs import Outputs
 from radcam_depth_ros.node.parameters import Parameters
 from radcam_depth_ros.node.session import Session
+from radcam_depth_ros.node.topics.factory import build_message, message_class
+from radcam_depth_ros.node.topics.inputs import Inputs, find_inputs
+from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.vitals import Vitals
 from radcam_depth_ros.parameters import NODE_NAME, NodeConfig
 from radcam_depth_ros.pipeline import Pipeline, PipelineConfig

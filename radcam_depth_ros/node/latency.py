@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from radcam_depth_ros.node.factory import build_message, message_class
 from radcam_depth_ros.node.health import Durations
+from radcam_depth_ros.node.topics.factory import build_message, message_class
 
 PARTS = ("latency", "decode", "wait", "inference", "encode")
 LATENCY_TOPICS = {part: f"debug/{part}_ms" for part in PARTS}

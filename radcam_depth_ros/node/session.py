@@ -15,14 +15,14 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from radcam_depth_ros.frame import Frame, RadcamDepthError
-from radcam_depth_ros.intake import IntakeError
+from radcam_depth_ros.frame_builder import FrameBuilderError
 from radcam_depth_ros.node.arrival import ArrivalClock
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
-from radcam_depth_ros.node.inputs import Input, Inputs, subscribe
 from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
 from radcam_depth_ros.node.mailbox import Worker
-from radcam_depth_ros.node.outputs import Outputs
 from radcam_depth_ros.node.stamps import StampOffset, Stamps
+from radcam_depth_ros.node.topics.inputs import Input, Inputs, subscribe
+from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.warm_up import WarmUp
 from radcam_depth_ros.pairing import for_each_radar
 from radcam_depth_ros.pipeline import Pipeline
@@ -132,7 +132,7 @@ class Session:
         self.rates[source.part].tick(now_ns)
         try:
             frames = self._accept(source, message, now_ns)
-        except IntakeError as error:
+        except FrameBuilderError as error:
             self._judge(source, message, now_ns)
             self._on_unusable_image(error)
         except RadcamDepthError as error:

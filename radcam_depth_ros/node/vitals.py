@@ -8,9 +8,9 @@ import numpy as np
 from rclpy.node import Node
 
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate, Status
-from radcam_depth_ros.node.inputs import Input
-from radcam_depth_ros.node.outputs import Outputs
 from radcam_depth_ros.node.session import Session
+from radcam_depth_ros.node.topics.inputs import Input
+from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.watchdog import Watchdog
 from radcam_depth_ros.pairing import CLOCK_WARNING_S, PairingCounts, clock_warning
 

@@ -6,10 +6,10 @@ import time
 
 from rclpy.node import Node
 
-from radcam_depth_ros.node.graph import Graph
 from radcam_depth_ros.node.health import SECOND_NS, Problems, Rate
-from radcam_depth_ros.node.inputs import Input
 from radcam_depth_ros.node.session import Session
+from radcam_depth_ros.node.topics.graph import Graph
+from radcam_depth_ros.node.topics.inputs import Input
 
 SILENCE_S = 2.0
 """A sensor that was silent for longer is reported."""

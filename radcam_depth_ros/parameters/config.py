@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.intake import COMPRESSED_SUFFIX
+from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
 from radcam_depth_ros.pipeline import PipelineConfig
 
 IMAGE_TRANSPORTS = ("raw", "compressed", "compressed_topic")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from radcam_depth_ros.engine import PRECISIONS
 from radcam_depth_ros.estimator import OUTPUT_SIZES
-from radcam_depth_ros.intake import WITHOUT_RADAR
+from radcam_depth_ros.frame_builder import WITHOUT_RADAR
 from radcam_depth_ros.messages import COLORMAPS, DEPTH_ENCODINGS
 from radcam_depth_ros.pairing import MAX_SWEEPS
 from radcam_depth_ros.parameters.config import IMAGE_TRANSPORTS

@@ -1,6 +1,8 @@
 """Simulated drives: a street, a vehicle with camera, radars and LiDAR, and the bag of what they measure."""
 
-from radcam_depth_ros.simulation.configuration import (
+from radcam_depth_ros.simulation.materials.surfaces import Label
+from radcam_depth_ros.simulation.recording import simulate
+from radcam_depth_ros.simulation.settings.configuration import (
     CameraConfig,
     OdometryConfig,
     Season,
@@ -10,10 +12,13 @@ from radcam_depth_ros.simulation.configuration import (
     Weather,
     WorldConfig,
 )
-from radcam_depth_ros.simulation.errors import SimulationError
-from radcam_depth_ros.simulation.recording import simulate
-from radcam_depth_ros.simulation.sensor_configuration import ImagingRadarConfig, LidarConfig, LidarUnit, RadarConfig
-from radcam_depth_ros.simulation.surfaces import Label
+from radcam_depth_ros.simulation.settings.errors import SimulationError
+from radcam_depth_ros.simulation.settings.sensor_configuration import (
+    ImagingRadarConfig,
+    LidarConfig,
+    LidarUnit,
+    RadarConfig,
+)
 
 __all__ = [
     "CameraConfig",

@@ -11,24 +11,24 @@ import numpy as np
 from radcam_depth_ros import messages
 from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.geometry import RigidTransform
-from radcam_depth_ros.simulation import rig as frames_of
-from radcam_depth_ros.simulation.camera import render
-from radcam_depth_ros.simulation.configuration import SimulationConfig
-from radcam_depth_ros.simulation.ego import Motion
-from radcam_depth_ros.simulation.errors import SimulationError
-from radcam_depth_ros.simulation.lens import Lens
-from radcam_depth_ros.simulation.lidar import sweep_lidar
-from radcam_depth_ros.simulation.lidar_unit import draw_beams
-from radcam_depth_ros.simulation.optics import motion_field
-from radcam_depth_ros.simulation.path import DoubleArray
-from radcam_depth_ros.simulation.radar import sweep_imaging_radar, sweep_radar
-from radcam_depth_ros.simulation.radar_unit import RadarUnit, draw_imaging_radar, draw_radar
-from radcam_depth_ros.simulation.randomness import Stream, generator
-from radcam_depth_ros.simulation.rig import draw_rig
-from radcam_depth_ros.simulation.scene import Scene
-from radcam_depth_ros.simulation.shading import Shader
+from radcam_depth_ros.simulation.light.shading import Shader
+from radcam_depth_ros.simulation.objects.scene import Scene
+from radcam_depth_ros.simulation.sensors import rig as frames_of
+from radcam_depth_ros.simulation.sensors.camera import render
+from radcam_depth_ros.simulation.sensors.lens import Lens
+from radcam_depth_ros.simulation.sensors.lidar import sweep_lidar
+from radcam_depth_ros.simulation.sensors.lidar_unit import draw_beams
+from radcam_depth_ros.simulation.sensors.optics import motion_field
+from radcam_depth_ros.simulation.sensors.radar import sweep_imaging_radar, sweep_radar
+from radcam_depth_ros.simulation.sensors.radar_unit import RadarUnit, draw_imaging_radar, draw_radar
+from radcam_depth_ros.simulation.sensors.rig import draw_rig
+from radcam_depth_ros.simulation.settings.configuration import SimulationConfig
+from radcam_depth_ros.simulation.settings.errors import SimulationError
+from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 from radcam_depth_ros.simulation.timetable import LEAD_S, Event, Sensor, draw_timetable
-from radcam_depth_ros.simulation.world import World
+from radcam_depth_ros.simulation.world.ego import Motion
+from radcam_depth_ros.simulation.world.path import DoubleArray
+from radcam_depth_ros.simulation.world.world import World
 
 Progress = Callable[[int, int], None]
 

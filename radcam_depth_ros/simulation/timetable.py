@@ -7,8 +7,8 @@ from enum import Enum
 
 import numpy as np
 
-from radcam_depth_ros.simulation.configuration import SimulationConfig
-from radcam_depth_ros.simulation.randomness import Stream, generator
+from radcam_depth_ros.simulation.settings.configuration import SimulationConfig
+from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 
 LEAD_S = 1.0
 """Time of the first image in the drive: sweeps before it have a past."""

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from radcam_depth_ros.files import whole
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.errors import TrainingError
 
 NetworkT = TypeVar("NetworkT", bound=nn.Module)
 

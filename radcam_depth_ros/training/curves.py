@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from radcam_depth_ros.files import write_text
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.errors import TrainingError
 
 
 class MetricsLog:

@@ -15,20 +15,22 @@ import torch
 from torch.nn.utils import clip_grad_norm_
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.networks import archive
-from radcam_depth_ros.training.batches import Batch, BatchMaker, SampleSet, prefetch
+from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
-from radcam_depth_ros.training.criterion import Criterion
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
-from radcam_depth_ros.training.gradients import optimiser_of, share_gradients
+from radcam_depth_ros.training.data.batches import Batch, BatchMaker, SampleSet, prefetch
+from radcam_depth_ros.training.data.samples import TrainingSample
+from radcam_depth_ros.training.distributed.gradients import share_gradients
+from radcam_depth_ros.training.distributed.normalisation import freeze_statistics, join_batch_norms
+from radcam_depth_ros.training.distributed.ranks import Ranks
+from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.initial import Sources, blend, load_backbones, load_initial
-from radcam_depth_ros.training.normalisation import freeze_statistics, join_batch_norms
+from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
+from radcam_depth_ros.training.optimiser import optimiser_of
 from radcam_depth_ros.training.page import panels_of, write_page
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.ranks import Ranks
 from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
-from radcam_depth_ros.training.samples import TrainingError, TrainingSample
 from radcam_depth_ros.training.teacher import Teacher
 from radcam_depth_ros.training.validation import ValidationResult, validate
 

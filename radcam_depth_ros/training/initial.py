@@ -12,10 +12,10 @@ import torch
 from torch import Tensor, nn
 
 from radcam_depth_ros import configuration, networks
-from radcam_depth_ros.networks import archive
-from radcam_depth_ros.networks.mobilenet import MobileNetV2
-from radcam_depth_ros.networks.resnet import ResNet
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.networks.layers.mobilenet import MobileNetV2
+from radcam_depth_ros.networks.layers.resnet import ResNet
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training.errors import TrainingError
 
 
 @dataclass(frozen=True)

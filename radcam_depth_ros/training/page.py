@@ -14,8 +14,8 @@ from radcam_depth_ros.evaluation.plots import Curve, Plot
 from radcam_depth_ros.evaluation.report import write_report
 from radcam_depth_ros.evaluation.tables import Fact
 from radcam_depth_ros.networks import Network
+from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.samples import TrainingSample
 from radcam_depth_ros.training.validation import predict
 
 Metrics = Sequence[Mapping[str, Any]]

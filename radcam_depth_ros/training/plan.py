@@ -10,11 +10,11 @@ import yaml
 from radcam_depth_ros import configuration
 from radcam_depth_ros.drive import DriveSettings, TopicChoice
 from radcam_depth_ros.files import write_text
-from radcam_depth_ros.intake import IntakeConfig
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.pairing import PairingConfig
+from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.initial import Sources
 from radcam_depth_ros.training.recipe import TrainingConfig
-from radcam_depth_ros.training.samples import TrainingError
 
 RUN_FILE = "run.yaml"
 
@@ -32,7 +32,7 @@ class RunPlan:
         cache: Folder of prepared samples.
         sources: Weights that it starts or learns from.
         ground_truth: Which one is taken of the bags, see `DriveSettings`.
-        intake: How frames are made of the bags, as in the node.
+        frame_builder: How frames are made of the bags, as in the node.
         topics: Which topics of the bags are read.
     """
 
@@ -44,21 +44,21 @@ class RunPlan:
     cache: str = "cache"
     sources: Sources = field(default_factory=Sources)
     ground_truth: str = "any"
-    intake: IntakeConfig = field(default_factory=IntakeConfig)
+    frame_builder: FrameBuilderConfig = field(default_factory=FrameBuilderConfig)
     topics: TopicChoice = field(default_factory=TopicChoice)
 
     @property
     def drive(self) -> DriveSettings:
         """How the bags are read."""
-        return DriveSettings(self.intake, self.topics, self.ground_truth, accumulate="where_possible")
+        return DriveSettings(self.frame_builder, self.topics, self.ground_truth, accumulate="where_possible")
 
     @property
     def rehearsed_drive(self) -> DriveSettings:
         """How rehearsed bags are read: of another vehicle, with as many sweeps and the best truth that they have."""
-        pairing = self.intake.pairing
+        pairing = self.frame_builder.pairing
         return DriveSettings(
-            IntakeConfig(
-                radar_motion_compensation=self.intake.radar_motion_compensation,
+            FrameBuilderConfig(
+                radar_motion_compensation=self.frame_builder.radar_motion_compensation,
                 pairing=PairingConfig(radar_sweeps=pairing.radar_sweeps, max_sweep_age_s=pairing.max_sweep_age_s),
             ),
             accumulate="where_possible",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 
 from radcam_depth_ros.engine import choose
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.errors import TrainingError
 
 
 @dataclass(frozen=True)

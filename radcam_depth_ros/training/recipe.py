@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from radcam_depth_ros.training.augmentation import AugmentationConfig
-from radcam_depth_ros.training.distillation import DistillationConfig
+from radcam_depth_ros.training.data.augmentation import AugmentationConfig
+from radcam_depth_ros.training.data.rehearsal import RehearsalConfig
+from radcam_depth_ros.training.errors import TrainingError
+from radcam_depth_ros.training.losses.distillation import DistillationConfig
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.rehearsal import RehearsalConfig
-from radcam_depth_ros.training.samples import TrainingError
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ import torch
 from torch import Tensor
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.networks import archive
-from radcam_depth_ros.training.batches import Batch
-from radcam_depth_ros.training.distillation import DistillationConfig, distillation_loss, features_of
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training.data.batches import Batch
+from radcam_depth_ros.training.distributed.ranks import Ranks
+from radcam_depth_ros.training.errors import TrainingError
+from radcam_depth_ros.training.losses.distillation import DistillationConfig, distillation_loss, features_of
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.ranks import Ranks
-from radcam_depth_ros.training.samples import TrainingError
 
 
 class Teacher:

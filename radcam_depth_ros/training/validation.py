@@ -10,10 +10,10 @@ import torch
 
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.networks import Network
-from radcam_depth_ros.training.batches import collate
+from radcam_depth_ros.training.data.batches import collate
+from radcam_depth_ros.training.data.samples import TrainingSample
+from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.ranks import Ranks
-from radcam_depth_ros.training.samples import TrainingSample
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from radcam_depth_ros.bags import BagError, SensorTopics
 from radcam_depth_ros.bags.topics import TopicChooser
 from radcam_depth_ros.drive import DriveSettings, motion_topics
 from radcam_depth_ros.frame import ImageArray, RadcamDepthError
-from radcam_depth_ros.intake import TRANSFORM_TOPICS, Intake, IntakeConfig
+from radcam_depth_ros.frame_builder import TRANSFORM_TOPICS, FrameBuilder, FrameBuilderConfig
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
 from radcam_depth_ros.viewing.picture import ViewError, draw_picture
 from radcam_depth_ros.viewing.recorded import RecordedDepth, Source, find_recorded_depth
@@ -104,7 +104,7 @@ def _find(source: LiveSource, settings: DriveSettings, namespace: str | None) ->
     wanted_topics = settings.topics
     chooser = TopicChooser(source.topics, _DOMAIN, wanted_topics.preferred)
     radars = wanted_topics.radars
-    if settings.intake.needs_transforms and not chooser.find_transforms("tf_static"):
+    if settings.frame_builder.needs_transforms and not chooser.find_transforms("tf_static"):
         radars = ()
     elif radars is None:
         try:
@@ -115,11 +115,13 @@ def _find(source: LiveSource, settings: DriveSettings, namespace: str | None) ->
     return replace(topics.find(source.topics, _DOMAIN), odometry=None), found
 
 
-def _intake_of(topics: SensorTopics, settings: DriveSettings) -> IntakeConfig:
+def _frame_builder_of(topics: SensorTopics, settings: DriveSettings) -> FrameBuilderConfig:
     """How frames are made of live topics, which may lack the radars."""
     if not topics.radars:
-        settings = replace(settings, intake=replace(settings.intake, without_radar="camera_only", camera_from_radar=()))
-    return settings.intake_of(topics)
+        settings = replace(
+            settings, frame_builder=replace(settings.frame_builder, without_radar="camera_only", camera_from_radar=())
+        )
+    return settings.frame_builder_of(topics)
 
 
 def _pictures(
@@ -131,10 +133,12 @@ def _pictures(
     refused: Callable[[RadcamDepthError], None],
 ) -> Iterator[tuple[int, ImageArray]]:
     """Stamp (ns) and picture of the frames that have depth."""
-    intake = Intake(_intake_of(topics, settings))
-    names = motion_topics(topics, intake.config) | ({topics.tf_static: TRANSFORM_TOPICS[0]} if topics.tf_static else {})
+    frame_builder = FrameBuilder(_frame_builder_of(topics, settings))
+    names = motion_topics(topics, frame_builder.config) | (
+        {topics.tf_static: TRANSFORM_TOPICS[0]} if topics.tf_static else {}
+    )
     messages = source.messages({topics.image, topics.camera_info, *topics.radars, *names})
-    results = ((frame, depth.predict(frame)) for frame in accepted(messages, intake, names, refused))
+    results = ((frame, depth.predict(frame)) for frame in accepted(messages, frame_builder, names, refused))
     complete = ((frame, result) for frame, result in results if result is not None)
     for frame, result in itertools.islice(complete, 0, None, options.every):
         yield frame.stamp_ns, draw_picture(frame, result, options.width)

@@ -11,7 +11,7 @@ import numpy as np
 from radcam_depth_ros.bags import BagReader, SensorTopics
 from radcam_depth_ros.drive import DriveSettings, motion_topics, prime
 from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
-from radcam_depth_ros.intake import Intake
+from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
 from radcam_depth_ros.viewing.picture import SMALLEST_WIDTH, ViewError, draw_picture
 from radcam_depth_ros.viewing.recorded import StoredMessage
@@ -100,16 +100,18 @@ def _picks(images: int, options: ViewOptions, *, spread: bool) -> frozenset[int]
 
 def _frames(reader: BagReader, topics: SensorTopics, settings: DriveSettings) -> Iterator[Frame]:
     """The frames that the node would see, in their order."""
-    intake = Intake(settings.intake_of(topics))
-    prime(reader, intake, topics)
-    moving = motion_topics(topics, intake.config)
-    yield from accepted(reader.messages({topics.image, topics.camera_info, *topics.radars, *moving}), intake, moving)
-    yield from intake.flush()
+    frame_builder = FrameBuilder(settings.frame_builder_of(topics))
+    prime(reader, frame_builder, topics)
+    moving = motion_topics(topics, frame_builder.config)
+    yield from accepted(
+        reader.messages({topics.image, topics.camera_info, *topics.radars, *moving}), frame_builder, moving
+    )
+    yield from frame_builder.flush()
 
 
 def accepted(
     messages: Iterable[StoredMessage],
-    intake: Intake,
+    frame_builder: FrameBuilder,
     names: Mapping[str, str],
     refused: Callable[[RadcamDepthError], None] | None = None,
 ) -> Iterator[Frame]:
@@ -117,14 +119,16 @@ def accepted(
 
     Args:
         messages: As they came.
-        intake: Takes them.
+        frame_builder: Takes them.
         names: What it calls a topic, where that differs.
         refused: Told of what cannot be used; by default that is raised.
     """
     for message in messages:
         try:
-            frames = intake.expire(message.log_time_ns)
-            frames += intake.accept(names.get(message.topic, message.topic), message.message, message.log_time_ns)
+            frames = frame_builder.expire(message.log_time_ns)
+            frames += frame_builder.accept(
+                names.get(message.topic, message.topic), message.message, message.log_time_ns
+            )
         except RadcamDepthError as error:
             if refused is None:
                 raise

@@ -14,7 +14,8 @@ from radcam_depth_ros.benchmarking.measurement import measure
 from radcam_depth_ros.benchmarking.rotation import Schedule
 from radcam_depth_ros.benchmarking.stages import count_gflop, dissect
 from radcam_depth_ros.benchmarking.subject import BenchmarkError, NetworkInputs, Running, Size, Subject
-from radcam_depth_ros.networks import archive, names, registry
+from radcam_depth_ros.networks import names, registry
+from radcam_depth_ros.networks.weights_io import archive
 
 SIZE = Size(32, 64, 5)
 PIXELS = 32 * 64

@@ -8,9 +8,9 @@ from calibration_drive import CAMERA_FROM_LIDAR, CAMERA_FROM_RADAR
 
 from radcam_depth_ros.calibration import SensorReport
 from radcam_depth_ros.calibration.evidence import LIDAR_PARTS, PARTS, Evidence, lidar_parts
-from radcam_depth_ros.calibration.judgement import judge, judge_radar
 from radcam_depth_ros.calibration.placements import OPTICAL_FROM_BODY, Placement, Pose, alternatives
 from radcam_depth_ros.calibration.recording import Recording
+from radcam_depth_ros.calibration.verdict import judge, judge_radar
 
 UP = np.array([0.0, -1.0, 0.0])
 TRUE = Pose.of(CAMERA_FROM_RADAR)

@@ -14,10 +14,10 @@ from radcam_depth_ros import cli
 from radcam_depth_ros.benchmarking import comparison, machine, measurement
 from radcam_depth_ros.benchmarking.comparison import Against
 from radcam_depth_ros.benchmarking.subject import Loaded, Size, Subject
-from radcam_depth_ros.cli.bench_request import parse_against
+from radcam_depth_ros.cli.terminal.bench_request import parse_against
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.networks import archive
-from radcam_depth_ros.networks.baff import PAPER
+from radcam_depth_ros.networks.baff.network import PAPER
+from radcam_depth_ros.networks.weights_io import archive
 
 SIZE = Size(448, 800, 60)
 

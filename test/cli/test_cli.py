@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from radcam_depth_ros import cli, networks
 from radcam_depth_ros.bags import BagReader
-from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks.weights_io import archive
 
 ROOT = Path(__file__).parents[2]
 VERBS = sorted(str(command.name or command.callback.__name__) for command in cli.app.registered_commands)
@@ -154,9 +154,9 @@ def test_play_without_ros_is_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith("radcam_depth_ros.playing")]:
+    for name in [name for name in sys.modules if name.startswith("radcam_depth_ros.bag_player")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delattr("radcam_depth_ros.playing", raising=False)
+    monkeypatch.delattr("radcam_depth_ros.bag_player", raising=False)
     monkeypatch.setitem(sys.modules, "rclpy", None)
     assert run_main(monkeypatch, "play", write_drive(tmp_path / "drive.mcap")) == 2
     assert "play needs ROS 2, and the package rclpy is not installed" in capsys.readouterr().err

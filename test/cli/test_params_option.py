@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 
 from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagReader
-from radcam_depth_ros.cli.node_parameters import NodeParameters, node_parameters
+from radcam_depth_ros.cli.terminal.node_parameters import NodeParameters, node_parameters
 from radcam_depth_ros.drive import DriveSettings, TopicChoice
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.intake import IntakeConfig
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 
 ROOT = Path(__file__).parents[2]
 NODE_YAML = ROOT / "config" / "node.yaml"
@@ -115,8 +115,8 @@ def test_options_win_over_the_file(read: Callable[..., Any]) -> None:
 
 def test_what_makes_frames_is_the_nodes_config_itself(read: Callable[..., Any]) -> None:
     node = read(radar_topics=["/a", "/b"], radar_frame=["left", "right"], footprint_frame="road", radar_sweeps=3)
-    assert node.drive_settings().intake == node.config.pipeline.intake
-    assert type(node.drive_settings().intake) is IntakeConfig
+    assert node.drive_settings().frame_builder == node.config.pipeline.frame_builder
+    assert type(node.drive_settings().frame_builder) is FrameBuilderConfig
 
 
 def test_extrinsics_by_option_are_of_as_many_radars_as_there_are_numbers() -> None:
@@ -239,9 +239,9 @@ def test_a_training_run_keeps_how_its_bags_are_read(
     assert "without effect here: depth_encoding, device" in result.stderr
     plan = RunPlan.read(out)
     assert plan.topics.radars == ("/radar/points",)
-    assert plan.drive.intake.pairing.max_time_offset_s == 0.05
+    assert plan.drive.frame_builder.pairing.max_time_offset_s == 0.05
     # Rehearsed drives are of another vehicle.
     assert plan.rehearsed_drive.topics == TopicChoice()
-    assert plan.rehearsed_drive.intake == IntakeConfig()
+    assert plan.rehearsed_drive.frame_builder == FrameBuilderConfig()
     resumed = run("train", "--out", out, "--resume", "--params", file)
     assert "--params" in str(resumed.exception)

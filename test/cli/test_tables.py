@@ -24,11 +24,11 @@ from radcam_depth_ros.benchmarking.figures import Report as BenchReport
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT, Machine
 from radcam_depth_ros.benchmarking.subject import Size
 from radcam_depth_ros.calibration.report import Fit, SensorReport
-from radcam_depth_ros.cli import bench_tables, inspect_tables
 from radcam_depth_ros.cli.check_calibration import _print_places
 from radcam_depth_ros.cli.evaluate import _print as print_evaluation
 from radcam_depth_ros.cli.networks import networks
-from radcam_depth_ros.cli.tables import print_table
+from radcam_depth_ros.cli.terminal import bench_tables, inspect_tables
+from radcam_depth_ros.cli.terminal.tables import print_table
 from radcam_depth_ros.evaluation.tables import Fact, Table
 from radcam_depth_ros.inspection.report import (
     CameraFacts,

@@ -9,10 +9,10 @@ import pytest
 
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.drive import DriveError, DriveSettings, TopicChoice, read_samples
-from radcam_depth_ros.intake import IntakeConfig
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.pairing import PairingConfig
-from radcam_depth_ros.training.cache import CacheSettings, build_drive
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.data.cache import CacheSettings, build_drive
+from radcam_depth_ros.training.errors import TrainingError
 
 Write = Callable[..., Path]
 
@@ -66,7 +66,7 @@ def test_clocks_that_are_seconds_apart(
 
 
 def test_a_clock_that_is_put_right_by_hand(write_drive_with: Write) -> None:
-    settings = DriveSettings(IntakeConfig(pairing=PairingConfig(radar_time_offset_s=7.0)))
+    settings = DriveSettings(FrameBuilderConfig(pairing=PairingConfig(radar_time_offset_s=7.0)))
     samples = list(read_samples(write_drive_with(radar_clock_s=-7.0, radar_frames=12), settings))
     assert all(len(sample.frame.radar) for sample in samples)
 

@@ -13,8 +13,8 @@ import pytest
 from lidar_drive import SPEED_MPS, WALL_M
 
 from radcam_depth_ros.drive import DriveError, DriveSettings, Sample, ScanSummary, ScanUse, read_samples
-from radcam_depth_ros.training.cache import CacheSettings, build_drive, cached_drives
-from radcam_depth_ros.training.samples import CARD, FORMAT_VERSION, DriveCard
+from radcam_depth_ros.training.data.cache import CacheSettings, build_drive, cached_drives
+from radcam_depth_ros.training.data.samples import CARD, FORMAT_VERSION, DriveCard
 
 Write = Callable[..., Path]
 

@@ -16,8 +16,9 @@ from radcam_depth_ros.engine import engine as engine_module
 from radcam_depth_ros.engine.calls import blank_frame
 from radcam_depth_ros.engine.load import Load
 from radcam_depth_ros.engine.sharing import ThreadBudget
-from radcam_depth_ros.networks import Depths, archive
-from radcam_depth_ros.networks.folding import folded
+from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io.folding import folded
 
 Frame = tuple[Tensor, Tensor, Tensor]
 FORMS: dict[str, tuple[str, dict[str, object]]] = {

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.cli.evaluate import evaluate
-from radcam_depth_ros.cli.options import load_estimator
+from radcam_depth_ros.cli.terminal.options import load_estimator
 from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.evaluation.metrics import MEASURES, EvaluationError
 from radcam_depth_ros.frame import CameraModel
@@ -26,7 +26,8 @@ from radcam_depth_ros.messages import (
     encode_points,
     encode_transforms,
 )
-from radcam_depth_ros.networks import archive, registry
+from radcam_depth_ros.networks import registry
+from radcam_depth_ros.networks.weights_io import archive
 
 CAMERA = CameraModel(96, 64, 630.0, 630.0, 47.5, 31.5)
 FRAMES = 3

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.frame_builder import level_ground
 from radcam_depth_ros.inspection import (
     Suggestion,
     check_parameters,
@@ -17,7 +18,6 @@ from radcam_depth_ros.inspection import (
     write_parameters,
 )
 from radcam_depth_ros.inspection.suggestion import Setting
-from radcam_depth_ros.intake import level_ground
 
 TOPICS = topic_parameters("/front/image_raw", "sensor_msgs/msg/Image", "/front/camera_info", ("/r1", "/r2"))
 

@@ -13,8 +13,8 @@ from torch.utils.flop_counter import FlopCounterMode
 from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks.cafnet import Cafnet, ConfidenceGate, SparseStem
-from radcam_depth_ros.networks.patches import around, covered
-from radcam_depth_ros.networks.planar_guidance import PlanarGuidance
+from radcam_depth_ros.networks.layers.patches import around, covered
+from radcam_depth_ros.networks.layers.planar_guidance import PlanarGuidance
 
 RESNET_CLASSIFIER = 512 * 1000 + 1000
 

@@ -11,8 +11,8 @@ from torch.utils.flop_counter import FlopCounterMode
 from radcam_depth_ros import networks
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks.cafnet import CHANNELS
+from radcam_depth_ros.networks.layers.planar_guidance import PlanarDecoder
 from radcam_depth_ros.networks.lircdepth import IMAGE_CHANNELS, RADAR_CHANNELS, Lircdepth
-from radcam_depth_ros.networks.planar_guidance import PlanarDecoder
 
 
 def test_parameters_and_operations_are_those_of_the_paper() -> None:

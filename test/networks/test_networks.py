@@ -15,11 +15,12 @@ from torch import Tensor
 from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.networks import ArchitectureError, archive
-from radcam_depth_ros.networks.baff import PAPER, Baff
-from radcam_depth_ros.networks.choice import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN, Choice
+from radcam_depth_ros.networks import ArchitectureError
+from radcam_depth_ros.networks.baff.head import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN, Choice
+from radcam_depth_ros.networks.baff.network import PAPER, Baff
 from radcam_depth_ros.networks.interface import Network
-from radcam_depth_ros.networks.rasterise import depth_to_plane, plane_to_depth
+from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, plane_to_depth
+from radcam_depth_ros.networks.weights_io import archive
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
 BAFF_FORMS: dict[str, tuple[str, dict[str, object]]] = {

@@ -9,11 +9,12 @@ from torch.nn import functional
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
-from radcam_depth_ros.networks import ArchitectureError, Structured, archive
-from radcam_depth_ros.networks.folding import folded
-from radcam_depth_ros.networks.rasterise import depth_to_plane
-from radcam_depth_ros.networks.sparse import SparseConv
-from radcam_depth_ros.networks.up_projection import UpDecoder, UpProjection
+from radcam_depth_ros.networks import ArchitectureError, Structured
+from radcam_depth_ros.networks.layers.rasterise import depth_to_plane
+from radcam_depth_ros.networks.layers.sparse import SparseConv
+from radcam_depth_ros.networks.layers.up_projection import UpDecoder, UpProjection
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io.folding import folded
 
 NAN = float("nan")
 REACH_PX = 16

@@ -36,7 +36,7 @@ from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node import depth_node
-from radcam_depth_ros.node.factory import build_message, message_class
+from radcam_depth_ros.node.topics.factory import build_message, message_class
 
 # Nodes of a fixed name are disturbed by others: each process has a domain that neither the demo nor other tests use.
 DOMAINS = (*range(1, 10), *range(70, 102))

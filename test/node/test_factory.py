@@ -5,7 +5,7 @@ import array
 import numpy as np
 import pytest
 
-from radcam_depth_ros.node.factory import build_message, message_class
+from radcam_depth_ros.node.topics.factory import build_message, message_class
 
 
 def test_numbers_become_what_the_field_wants() -> None:

@@ -10,9 +10,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from radcam_depth_ros.node.factory import message_class
-from radcam_depth_ros.node.graph import Graph, mismatches
-from radcam_depth_ros.node.inputs import IMAGE_TYPES, Input
+from radcam_depth_ros.node.topics.factory import message_class
+from radcam_depth_ros.node.topics.graph import Graph, mismatches
+from radcam_depth_ros.node.topics.inputs import IMAGE_TYPES, Input
 
 RAW, COMPRESSED = IMAGE_TYPES["raw"], IMAGE_TYPES["compressed"]
 INFO, CLOUD = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from rclpy.node import Node
 
-from radcam_depth_ros.node.inputs import find_inputs
+from radcam_depth_ros.node.topics.inputs import find_inputs
 from radcam_depth_ros.parameters import build_config
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"

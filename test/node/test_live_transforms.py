@@ -14,7 +14,7 @@ from tf2_messages import require_tf2_msgs
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import StampedTransform, encode_transforms
 from radcam_depth_ros.node import watchdog
-from radcam_depth_ros.node.factory import build_message, message_class
+from radcam_depth_ros.node.topics.factory import build_message, message_class
 
 require_tf2_msgs()
 

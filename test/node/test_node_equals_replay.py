@@ -15,8 +15,8 @@ from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagReader, BagWriter, factory
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.geometry import RigidTransform
-from radcam_depth_ros.intake import IntakeConfig
 from radcam_depth_ros.messages import (
     OdometryReading,
     StampedTransform,
@@ -27,7 +27,7 @@ from radcam_depth_ros.messages import (
     encode_points,
     encode_transforms,
 )
-from radcam_depth_ros.node.factory import build_message
+from radcam_depth_ros.node.topics.factory import build_message
 from radcam_depth_ros.replay import replay
 
 FRAMES = 4
@@ -44,7 +44,7 @@ def test_the_live_node_and_the_replay_give_the_same_depth(
         write_drive(tmp_path / "drive.mcap", FRAMES),
         tmp_path / "depth.mcap",
         estimator,
-        DriveSettings(IntakeConfig(camera_from_radar=EXTRINSICS)),
+        DriveSettings(FrameBuilderConfig(camera_from_radar=EXTRINSICS)),
     )
     bench = start(Estimator, model_file=str(small_weights), camera_from_radar=list(EXTRINSICS), max_wait_s=0.1)
     semi_dense: list[Any] = []

@@ -61,7 +61,7 @@ def test_preview_points_and_classes_are_made_only_while_somebody_subscribes(
 
 def test_compressed_images_on_the_topic_beside(start: Callable[..., Any]) -> None:
     from radcam_depth_ros.messages import encode_compressed_image
-    from radcam_depth_ros.node.factory import build_message
+    from radcam_depth_ros.node.topics.factory import build_message
 
     bench = start(image_transport="compressed", args=["-r", "image:=front/image_raw"])
     bench.advertise("/front/image_raw/compressed", "sensor_msgs/msg/CompressedImage")

@@ -12,10 +12,10 @@ from small_drive import CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_messages
 from radcam_depth_ros.bags import BagReader, BagWriter, factory
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.geometry import RigidTransform
-from radcam_depth_ros.intake import IntakeConfig
 from radcam_depth_ros.messages import OdometryReading, decode_depth, encode_odometry
-from radcam_depth_ros.node.factory import build_message
+from radcam_depth_ros.node.topics.factory import build_message
 from radcam_depth_ros.pairing import PairingConfig
 from radcam_depth_ros.replay import replay
 
@@ -82,7 +82,7 @@ def test_the_live_node_and_the_replay_move_sweeps_alike(
                 writer.write(topic, message, time_ns, type_name)
     pairing = PairingConfig(radar_sweeps=SWEEPS)
     estimator = Estimator(EstimatorConfig(model_file=str(small_weights)))
-    settings = DriveSettings(IntakeConfig(camera_from_radar=extrinsics, pairing=pairing))
+    settings = DriveSettings(FrameBuilderConfig(camera_from_radar=extrinsics, pairing=pairing))
     replay(tmp_path / "drive.mcap", tmp_path / "depth.mcap", estimator, settings)
 
     bench = start(

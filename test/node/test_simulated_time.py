@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from radcam_depth_ros.node.factory import build_message
+from radcam_depth_ros.node.topics.factory import build_message
 
 OK, WARN = b"\x00", b"\x01"
 HOUR_NS = 3600 * 1_000_000_000

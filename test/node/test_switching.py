@@ -15,7 +15,7 @@ import torch
 from radcam_depth_ros import networks
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.messages import decode_classes
-from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.node import depth_node
 
 CLASSES = "semantics/image"

@@ -11,7 +11,7 @@ import pytest
 
 from radcam_depth_ros import messages, simulation
 from radcam_depth_ros.geometry import TransformTree, ground_coefficients, ground_plane, project, unproject
-from radcam_depth_ros.simulation.surfaces import Label
+from radcam_depth_ros.simulation.materials.surfaces import Label
 
 TOPICS = {
     "/camera/image_raw/compressed",

@@ -9,11 +9,11 @@ import torch
 from torch import Tensor
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.networks.mobilenet import MobileNetV2, PyramidEncoder
-from radcam_depth_ros.networks.resnet import RESNET_18, RESNET_34, ResNet
+from radcam_depth_ros.networks.layers.mobilenet import MobileNetV2, PyramidEncoder
+from radcam_depth_ros.networks.layers.resnet import RESNET_18, RESNET_34, ResNet
 from radcam_depth_ros.training import initial
+from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.initial import load_backbones
-from radcam_depth_ros.training.samples import TrainingError
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from radcam_depth_ros.training.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.errors import TrainingError
 
 
 def make_working(value: float = 0.0) -> Working:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics, require_tensorboard
-from radcam_depth_ros.training.samples import TrainingError
+from radcam_depth_ros.training.errors import TrainingError
 
 
 def test_lines_are_added_and_those_of_a_run_that_was_cut_off_dropped(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ import pytest
 from small_training import CONFIG, Watch, data_of
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.networks import archive
+from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.curves import read_metrics
+from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.initial import Sources
 from radcam_depth_ros.training.recipe import StageConfig
-from radcam_depth_ros.training.samples import CachedDrive
 
 ONCE = dataclasses.replace(CONFIG, iterations=1, log_every_iterations=1, stages=(StageConfig(1.0, ((64, 64),), 2),))
 SMALL: dict[str, dict[str, object]] = {

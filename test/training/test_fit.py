@@ -12,16 +12,19 @@ import torch
 from small_training import CONFIG, Miniature, Watch, data_of
 from torch import Tensor
 
-from radcam_depth_ros.networks import TrainOutputs, archive, registry
-from radcam_depth_ros.training import criterion, fit
-from radcam_depth_ros.training.augmentation import AugmentationConfig
+from radcam_depth_ros.networks import TrainOutputs, registry
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.curves import read_metrics
+from radcam_depth_ros.training.data.augmentation import AugmentationConfig
+from radcam_depth_ros.training.data.rehearsal import RehearsalConfig
+from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
+from radcam_depth_ros.training.distributed.ranks import Ranks
+from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.initial import Sources
-from radcam_depth_ros.training.ranks import Ranks
+from radcam_depth_ros.training.losses import registry as criterion
 from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
-from radcam_depth_ros.training.rehearsal import RehearsalConfig
-from radcam_depth_ros.training.samples import CachedDrive, TrainingError, TrainingSample
 from radcam_depth_ros.training.validation import ValidationResult
 
 

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from radcam_depth_ros import networks
+from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.initial import load_initial
-from radcam_depth_ros.training.samples import TrainingError
 
 
 def test_what_no_weight_depends_on_may_differ(small_weights: Path) -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from small_training import Miniature, MiniatureConfig
 
+from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.page import panels_of, plots_of, write_page
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.samples import CachedDrive
 
 METRICS = [
     {"kind": "train", "step": 2, "total": 3.0, "learning_rate": 1e-3},

@@ -7,10 +7,10 @@ import pytest
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.networks import registry
-from radcam_depth_ros.training.criterion import Criterion
+from radcam_depth_ros.training.errors import TrainingError
+from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.recipe import FINE_TUNING, OptimiserConfig, StageConfig, TrainingConfig, recipe_of
-from radcam_depth_ros.training.samples import TrainingError
 
 RECIPES = sorted((Path(__file__).parents[2] / "config" / "train").glob("*.yaml"))
 

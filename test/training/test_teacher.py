@@ -8,12 +8,14 @@ import pytest
 import torch
 
 from radcam_depth_ros import networks
-from radcam_depth_ros.networks import Network, archive
-from radcam_depth_ros.training.batches import Batch, collate
-from radcam_depth_ros.training.distillation import DistillationConfig
+from radcam_depth_ros.networks import Network
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training.data.batches import Batch, collate
+from radcam_depth_ros.training.data.samples import CachedDrive
+from radcam_depth_ros.training.distributed.ranks import Ranks
+from radcam_depth_ros.training.errors import TrainingError
+from radcam_depth_ros.training.losses.distillation import DistillationConfig
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.ranks import Ranks
-from radcam_depth_ros.training.samples import CachedDrive, TrainingError
 from radcam_depth_ros.training.teacher import Teacher
 
 PRECISION = Precision(torch.device("cpu"), torch.float32)

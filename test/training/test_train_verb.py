@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from radcam_depth_ros.cli import app
 from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.networks import archive
-from radcam_depth_ros.training import cache, rehearsal
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training.drives import cache, rehearsal
 from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.plan import RunPlan
 from radcam_depth_ros.training.recipe import FINE_TUNING

@@ -1,0 +1,1 @@
+"""Experiments: short trainings and comparisons that answer a question about accuracy."""

@@ -1,0 +1,1 @@
+"""Options, tables and requests that the verbs share."""

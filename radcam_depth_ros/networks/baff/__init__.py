@@ -1,0 +1,1 @@
+"""`baff` and its baseline: radar-pixel association, bidirectional fusion and parallel attention."""

@@ -1,0 +1,131 @@
+"""What the ROS graph has for an input: its publishers, and where else messages of its type come from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from difflib import SequenceMatcher
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
+from radcam_depth_ros.node.topics.inputs import COMPRESSED, IMAGE_TYPES, Input
+
+
+class Graph:
+    """Looks at the graph from where a node is.
+
+    Args:
+        node: The node; what it publishes itself is no input of its own.
+        read: The topics that it reads; none of them is proposed in place of another.
+    """
+
+    def __init__(self, node: Node, read: Collection[str] = ()) -> None:
+        self._node = node
+        self._read = frozenset(read)
+
+    def publishers(self, source: Input, asked: QoSProfile) -> str:
+        """Who publishes on an input's topic: how many, and which of them cannot be heard since type or policy differ.
+
+        Args:
+            source: The input.
+            asked: What it is subscribed with.
+        """
+        found = self._others(source.topic)
+        faults = Counter(fault for info in found if (fault := _fault(info, source, asked)))
+        count = f"{len(found) or 'no'} publisher{'' if len(found) == 1 else 's'}"
+        return f"{count}: {', '.join(f'{faults[fault]} {fault}' for fault in faults)}" if faults else count
+
+    def remedy(self, source: Input, asked: QoSProfile, beside: str = "") -> str:
+        """Why nothing comes on an input's topic as far as the graph tells, and what to do.
+
+        Args:
+            source: The input.
+            asked: What it is subscribed with.
+            beside: A topic that belongs to the same sensor: of others, one in its namespace is proposed first.
+        """
+        found = self._others(source.topic)
+        same = [info for info in found if info.topic_type == source.type_name]
+        refused = [mismatch for info in same if (mismatch := mismatches(info.qos_profile, asked))]
+        if not found:
+            return f"nobody publishes it{self._where_else(source, beside)}"
+        if not same:
+            other = found[0].topic_type
+            return f"it is published as {other}: {_other_type(source, source.topic, other)}"
+        if len(refused) == len(same):
+            policy, offered = refused[0][0]
+            return (
+                f"its publisher offers {policy} {offered}, less than this node asks for: set the parameter "
+                f"qos_overrides.{source.topic}.subscription.{policy.lower()} to {offered}, or change the publisher"
+            )
+        return "it has a publisher, which is silent: see whether the sensor and its driver run"
+
+    def nearest(self, topic: str, type_name: str, beside: str = "") -> str | None:
+        """The topic of a type, of those that others publish, whose name is most like a topic's; None where none is."""
+        wanted = (topic, *((f"{beside.rpartition('/')[0]}/{topic.rpartition('/')[2]}",) if beside else ()))
+        candidates = [
+            name
+            for name, types in self._node.get_topic_names_and_types()
+            if type_name in types and name not in self._read and self._others(name)
+        ]
+        return max(
+            sorted(candidates),
+            key=lambda name: max(SequenceMatcher(None, name, like).ratio() for like in wanted),
+            default=None,
+        )
+
+    def _others(self, topic: str) -> list[TopicEndpointInfo]:
+        own = (self._node.get_name(), self._node.get_namespace())
+        infos: list[TopicEndpointInfo] = self._node.get_publishers_info_by_topic(topic)
+        return [info for info in infos if (info.node_name, info.node_namespace) != own]
+
+    def _where_else(self, source: Input, beside: str) -> str:
+        nearest = self.nearest(source.topic, source.type_name, beside)
+        # Where the name is fixed, it tells what is on it: /tf and /tf_static are of one type.
+        is_fit = source.parameter or (nearest or "").rpartition("/")[2] == source.topic.rpartition("/")[2]
+        if nearest is not None and is_fit:
+            name = f"set {source.parameter} to it, or " if source.parameter else ""
+            return f"; of this type there is {nearest}: {name}remap {source.topic}{'' if name else ' to it'}"
+        for other in _other_image_types(source):
+            nearest = self.nearest(source.topic, other)
+            if nearest is not None:
+                return f", but {nearest} is {other}: {_other_type(source, nearest, other)}"
+        return f", nor anything else of this type: {source.otherwise}, and see that both have one ROS_DOMAIN_ID"
+
+
+def mismatches(offered: QoSProfile, asked: QoSProfile) -> tuple[tuple[str, str], ...]:
+    """The policies of which a publisher offers less than a subscription asks for, each with what is offered."""
+    reliability = (offered.reliability, asked.reliability) == (
+        ReliabilityPolicy.BEST_EFFORT,
+        ReliabilityPolicy.RELIABLE,
+    )
+    durability = (offered.durability, asked.durability) == (DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL)
+    return (
+        *((("RELIABILITY", "best_effort"),) if reliability else ()),
+        *((("DURABILITY", "volatile"),) if durability else ()),
+    )
+
+
+def _fault(info: TopicEndpointInfo, source: Input, asked: QoSProfile) -> str:
+    if info.topic_type != source.type_name:
+        return f"of {info.topic_type}"
+    found = mismatches(info.qos_profile, asked)
+    return f"with {', '.join(f'{policy} {offered}' for policy, offered in found)}" if found else ""
+
+
+def _other_image_types(source: Input) -> tuple[str, ...]:
+    types = tuple(IMAGE_TYPES.values())
+    return tuple(other for other in types if other != source.type_name) if source.type_name in types else ()
+
+
+def _other_type(source: Input, topic: str, type_name: str) -> str:
+    """What to do where a topic has another type than an input."""
+    if type_name not in _other_image_types(source):
+        what = f"set {source.parameter}" if source.parameter else f"remap {source.topic}"
+        return f"{what} to a topic of {source.type_name}"
+    (transport,) = (name for name, image_type in IMAGE_TYPES.items() if image_type == type_name)
+    if transport == COMPRESSED and not topic.endswith(COMPRESSED_SUFFIX):
+        transport = "compressed_topic"
+    return f"set image_transport to {transport} and {source.parameter} to {topic}"

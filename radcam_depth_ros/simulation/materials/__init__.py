@@ -1,0 +1,1 @@
+"""Materials: surfaces as each sensor sees them, and their textures."""

@@ -1,0 +1,1 @@
+"""Objects: meshes of vehicles, people, animals, plants, buildings and street furniture."""

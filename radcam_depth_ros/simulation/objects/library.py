@@ -1,0 +1,120 @@
+"""The prototypes of a world: vehicles, people and plants that are built once and placed many times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from radcam_depth_ros.simulation.materials.surfaces import Surface
+from radcam_depth_ros.simulation.objects.animals import AnimalKind, build_animal
+from radcam_depth_ros.simulation.objects.bicycles import build_bicycle, build_motorcycle
+from radcam_depth_ros.simulation.objects.mesh import Mesh
+from radcam_depth_ros.simulation.objects.people import Walker, build_walker
+from radcam_depth_ros.simulation.objects.plants import Plant, PlantKind, build_plant
+from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, VehicleKind
+from radcam_depth_ros.simulation.objects.vehicles import build_vehicle, paint, with_lamps_off
+from radcam_depth_ros.simulation.settings.style import StreetStyle
+
+_CARS = (VehicleKind.HATCHBACK, VehicleKind.SALOON, VehicleKind.ESTATE, VehicleKind.SUV)
+
+
+@dataclass(frozen=True)
+class Library:
+    """Prototypes.
+
+    Attributes:
+        cars: What also parks along the road.
+        large: Vans, trucks and buses.
+        cyclists: Bicycles with a rider.
+        bicycles: Bicycles that are parked.
+        motorcycles: Motorcycles with a rider.
+        standing: Motorcycles that are parked.
+        animals: One of each kind.
+        walkers: People on foot.
+        plants: Several of each kind.
+    """
+
+    cars: tuple[Vehicle, ...]
+    large: tuple[Vehicle, ...]
+    cyclists: tuple[Mesh, ...]
+    bicycles: tuple[Mesh, ...]
+    motorcycles: tuple[Vehicle, ...]
+    standing: tuple[Vehicle, ...]
+    animals: dict[AnimalKind, Mesh]
+    walkers: tuple[Walker, ...]
+    plants: dict[PlantKind, tuple[Plant, ...]]
+
+    def draw_vehicle(self, rng: np.random.Generator, large: float) -> Vehicle:
+        """A vehicle in traffic, of any colour; `large` is the share of vans, trucks and buses."""
+        if rng.random() < 0.025:
+            return repainted(self.motorcycles[int(rng.integers(len(self.motorcycles)))], rng)
+        return self._draw_closed(rng, large)
+
+    def draw_parked(self, rng: np.random.Generator, large: float = 0.0) -> Vehicle:
+        """A parked vehicle of any colour; `large` is the share of vans, trucks and buses."""
+        if rng.random() < 0.02:
+            vehicle = repainted(self.standing[int(rng.integers(len(self.standing)))], rng)
+        else:
+            vehicle = self._draw_closed(rng, large)
+        return replace(vehicle, mesh=with_lamps_off(vehicle.mesh))
+
+    def _draw_closed(self, rng: np.random.Generator, large: float) -> Vehicle:
+        kinds = self.large if rng.random() < large else self.cars
+        return repainted(kinds[int(rng.integers(len(kinds)))], rng)
+
+    def draw_walker(self, rng: np.random.Generator) -> Walker:
+        """Somebody."""
+        return self.walkers[int(rng.integers(len(self.walkers)))]
+
+    def draw_plant(self, rng: np.random.Generator, kind: PlantKind) -> Plant:
+        """A plant of a kind."""
+        plants = self.plants[kind]
+        return plants[int(rng.integers(len(plants)))]
+
+    def draw_tree(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
+        """A tree as the season and the place have them."""
+        if rng.random() < style.conifers:
+            return self.draw_plant(rng, PlantKind.CONIFER)
+        return self.draw_plant(rng, PlantKind.BARE if rng.random() < style.bare else PlantKind.BROADLEAF)
+
+    def draw_bush(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
+        """A bush, likewise."""
+        return self.draw_plant(rng, PlantKind.BARE_BUSH if rng.random() < style.bare * 0.7 else PlantKind.BUSH)
+
+
+def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """The vehicle in another colour, and as dirty as it happens to be."""
+    mesh = vehicle.mesh.recoloured(Surface.BODYWORK, paint(rng))
+    grime = float(rng.uniform(0, 0.7)) * float(rng.random() < 0.6)
+    if grime > 0:
+        height = mesh.corners[..., 2].mean(axis=1)
+        share = (grime * np.clip(1.3 - height, 0.12, 1.0))[:, None].astype(np.float32)
+        mesh = replace(mesh, colour=mesh.colour * (1 - share) + np.float32(rng.uniform(0.06, 0.2)) * share)
+    return replace(vehicle, mesh=mesh)
+
+
+def build_library(rng: np.random.Generator, style: StreetStyle) -> Library:
+    """Builds the prototypes of a world."""
+    needles = tuple(0.55 * c for c in style.foliage) if style.season.value == "summer" else (0.025, 0.042, 0.022)
+    colours = {
+        PlantKind.BROADLEAF: style.foliage,
+        PlantKind.BARE: style.twig,
+        PlantKind.CONIFER: (needles[0], needles[1], needles[2]),
+        PlantKind.BUSH: style.foliage,
+        PlantKind.BARE_BUSH: style.twig,
+    }
+    return Library(
+        cars=tuple(build_vehicle(rng, _CARS[index % 4]) for index in range(8)),
+        large=tuple(
+            build_vehicle(rng, kind)
+            for kind in (VehicleKind.VAN, VehicleKind.VAN, VehicleKind.TRUCK, VehicleKind.ARTICULATED, VehicleKind.BUS)
+        ),
+        cyclists=tuple(build_bicycle(rng, with_rider=True) for _ in range(3)),
+        bicycles=tuple(build_bicycle(rng, with_rider=False) for _ in range(2)),
+        motorcycles=tuple(build_motorcycle(rng, with_rider=True) for _ in range(2)),
+        standing=tuple(build_motorcycle(rng, with_rider=False) for _ in range(2)),
+        animals={kind: build_animal(rng, kind) for kind in AnimalKind},
+        walkers=tuple(build_walker(rng) for _ in range(7)),
+        plants={kind: tuple(build_plant(rng, kind, colours[kind]) for _ in range(3)) for kind in PlantKind},
+    )

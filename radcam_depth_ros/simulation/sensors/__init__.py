@@ -1,0 +1,1 @@
+"""Sensors: camera, radars, LiDAR, and where they sit on the vehicle."""

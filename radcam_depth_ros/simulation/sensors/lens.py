@@ -1,0 +1,116 @@
+"""From radiance to a picture: exposure, glass, noise, colour, tone."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from radcam_depth_ros.frame import FloatArray, ImageArray
+from radcam_depth_ros.simulation.sensors.optics import Optics, smeared
+
+_BRIGHTEST = 16.0
+_STEPS = 4096
+# Exposure of a day, which the exposure times and noise that are drawn belong to.
+_DAY = 0.3
+_LONGEST_S, _MOST_GAIN = 1 / 60, 8.0
+
+
+class Lens:
+    """The optics, sensor and processing of one camera, drawn once; frames differ by exposure control and noise."""
+
+    def __init__(
+        self, rng: np.random.Generator, width: int, height: int, rain: float = 0.0, random: bool = False
+    ) -> None:
+        """Draws a camera.
+
+        Args:
+            rng: Random generator.
+            width: Pixels.
+            height: Pixels.
+            rain: How much rain falls on it, 0 to 1.
+            random: Whether its tones may be such as no camera has.
+        """
+        self._optics = Optics(rng, width, height, rain)
+        self._key = float(np.exp(rng.uniform(np.log(0.1), np.log(0.42))))
+        self._metering = float(rng.uniform(0.5, 1.0))
+        # Exposure control misses, and it cannot make a day of the night.
+        self._unsteady, self._floor = (
+            float(rng.uniform(0.03, 0.25)),
+            float(np.exp(rng.uniform(np.log(1e-4), np.log(8e-4)))),
+        )
+        self._shutter_s = float(np.exp(rng.uniform(np.log(3e-4), np.log(5e-3))))
+        self._balance = np.exp(rng.normal(0, [0.07, 0.02, 0.09]) * (3 if random else 1)).astype(np.float32)
+        self._saturation = float(rng.uniform(0.45, 1.5)) if rng.random() < 0.97 else 0.0
+        self._tone = [_tone_curve(rng, random) for _ in range(3 if random else 1)]
+        self._sharpen = float(rng.uniform(0, 1.0)) if rng.random() < 0.5 else 0.0
+        self._halo_px = float(rng.uniform(0.6, 1.6))
+        self._mosaic = bool(rng.random() < 0.5)
+        self._shot, self._read = float(rng.uniform(0.002, 0.02)), float(rng.uniform(0.001, 0.008))
+
+    def develop(
+        self, radiance: FloatArray, rng: np.random.Generator, motion_px_s: FloatArray | None = None
+    ) -> ImageArray:
+        """The picture (H, W, 3) uint8 RGB of linear radiance (H, W, 3).
+
+        Args:
+            radiance: Relative to a white surface under the open sky.
+            rng: For noise and exposure control.
+            motion_px_s: (H, W, 2) motion through the picture, pixels a second; may be coarser than the picture.
+        """
+        height = len(radiance)
+        luminance = radiance[::4, ::4] @ np.array([0.25, 0.6, 0.15], np.float32)
+        # Exposure control looks at all of the picture, or, like many cameras in vehicles, rather at the road.
+        metered = luminance[int(height * (1 - self._metering)) // 4 :]
+        # What is far brighter than the rest, as lamps are and the sun, counts as clipped.
+        usual = float(np.exp(np.log(np.maximum(metered, 1e-6)).mean()))
+        mean = float(np.minimum(metered, 10 * usual).mean())
+        exposure = self._key / (mean + self._floor) * float(np.exp(rng.normal(0, self._unsteady)))
+        shutter_s = min(self._shutter_s * max(exposure / _DAY, 1.0), max(_LONGEST_S, self._shutter_s))
+        gain = float(np.clip(exposure / _DAY * self._shutter_s / shutter_s, 1, _MOST_GAIN))
+        light = radiance * (np.float32(exposure) * self._balance)
+        if motion_px_s is not None:
+            light = smeared(np.minimum(light, np.float32(60)), motion_px_s * np.float32(shutter_s))
+        light = self._noisy(self._optics.through(light, rng), gain, rng)
+        light = self._coloured(light)
+        # The square root spends the table's entries where the curve is steep.
+        index = (np.sqrt(np.minimum(light, _BRIGHTEST)) * _STEPS).astype(np.uint16)
+        picture = (
+            self._tone[0][index]
+            if len(self._tone) == 1
+            else np.stack([tone[index[..., channel]] for channel, tone in enumerate(self._tone)], axis=-1)
+        )
+        if self._sharpen > 0:
+            picture = picture + self._sharpen * (picture - cv2.GaussianBlur(picture, (0, 0), self._halo_px))
+        return np.asarray(np.clip(picture + 0.5, 0, 255), np.uint8)
+
+    def _noisy(self, light: FloatArray, gain: float, rng: np.random.Generator) -> FloatArray:
+        noise = rng.standard_normal(light.shape, dtype=np.float32)
+        variance = np.float32(self._shot**2 * gain) * np.maximum(light, 0) + np.float32((self._read * gain**0.7) ** 2)
+        return np.asarray(np.maximum(light + noise * np.sqrt(variance), 0), np.float32)
+
+    def _coloured(self, light: FloatArray) -> FloatArray:
+        grey = light.mean(axis=-1, keepdims=True)
+        colour = light - grey
+        if self._mosaic:
+            # A sensor measures one colour a pixel: colours are less sharp than shapes, noise in them is coarser.
+            colour = cv2.blur(colour, (3, 3))
+        return np.asarray(np.maximum(grey + colour * np.float32(self._saturation), 0), np.float32)
+
+
+def _tone_curve(rng: np.random.Generator, random: bool) -> FloatArray:
+    """Picture values 0 to 255 by the square root of light.
+
+    The curve's power, a share of one with a toe and a shoulder (K. Narkowicz's fit to ACES), contrast about the middle,
+    and where black and white end up: from hard ones to flat grey ones.
+    """
+    light = np.square(np.arange(int(np.sqrt(_BRIGHTEST) * _STEPS) + 1) / _STEPS)
+    gamma = float(rng.uniform(1.0, 3.2) if random else rng.uniform(1.8, 2.5))
+    filmic = float(rng.choice([0.0, 0.5, 1.0], p=[0.65, 0.2, 0.15]))
+    curve = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
+    tone = np.minimum(light, 1) ** (1 / gamma) * (1 - filmic) + np.minimum(curve, 1) ** (1 / gamma) * filmic
+    contrast = float(rng.uniform(-0.15, 0.6))
+    tone = tone + contrast * (tone * tone * (3 - 2 * tone) - tone)
+    flat = rng.random() < 0.12
+    black = float(rng.uniform(0.05, 0.22) if flat else rng.uniform(-0.02, 0.08))
+    white = float(rng.uniform(0.75, 0.95) if flat else 1.0)
+    return np.asarray((tone * (white - black) + black) * 255, np.float32)

@@ -1,0 +1,1 @@
+"""Settings of a simulated drive, the street's style, and random streams."""

@@ -1,0 +1,366 @@
+"""What a seed decides once of the street: its cross-section, its season, its colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from radcam_depth_ros.simulation.materials.surfaces import Texture
+from radcam_depth_ros.simulation.settings.configuration import Season, StreetKind, WorldConfig
+
+Colour = tuple[float, float, float]
+
+
+class Land(IntEnum):
+    """What lies beside the road for some length."""
+
+    BLOCKS = 0
+    HOUSES = 1
+    FOREST = 2
+    FIELD = 3
+    HALLS = 4
+    PARK = 5
+    NOISE_WALL = 6
+    LOT = 7
+    OPEN = 8
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of the road, distances in metres outwards from the road's edge.
+
+    Attributes:
+        parking_m: Width of a parking lane; 0 for none.
+        verge_m: Width of a green strip behind it.
+        walk_m: Width of the sidewalk; 0 for none.
+        parked: Share of the parking lane that is taken.
+        tree_spacing_m: Between trees on the verge; 0 for none.
+        guard_rail: Whether a rail runs along the edge.
+        bank_m: Height that the land beside rises to, or falls to where negative.
+        ditch_m: Depth of the ditch along the edge; 0 for none.
+    """
+
+    parking_m: float
+    verge_m: float
+    walk_m: float
+    parked: float
+    tree_spacing_m: float
+    guard_rail: bool
+    bank_m: float
+    ditch_m: float
+
+    @property
+    def walk_start_m(self) -> float:
+        """Where the sidewalk begins."""
+        return self.parking_m + self.verge_m
+
+    @property
+    def land_m(self) -> float:
+        """Where the land begins."""
+        return self.walk_start_m + self.walk_m
+
+
+@dataclass(frozen=True)
+class StreetStyle:
+    """The street of a seed. Right-hand traffic: the own lanes are right of the centre line (t < 0).
+
+    Attributes:
+        kind: Kind of cross-section, never ANY, JUNCTION, TUNNEL or CONSTRUCTION.
+        special: What is special about it: the kind that was asked for.
+        season: Season, never ANY.
+        lanes: Lanes in the own direction.
+        oncoming_lanes: Lanes of the others.
+        closed_lanes: Outermost own lanes that are closed.
+        lane_m: Width of a lane.
+        median_m: Width of what separates the directions; 0 for a painted line.
+        shoulder_m: Asphalt beyond the outer line.
+        left: The left side.
+        right: The right side.
+        kerb_m: Height of the sidewalk.
+        speed_mps: Usual speed.
+        askew_rad: The own vehicle's heading less the road's: it turns, or leaves a parking place, slowly.
+        min_radius_m: Tightest curve.
+        headway_m: Usual distance between vehicles in a lane.
+        waiting: Whether all wait at a red light.
+        large: Share of vans, trucks and buses in the traffic.
+        people_per_100m: On each sidewalk.
+        land: Probability of each `Land`, for a stretch of one side.
+        crossings: Probability of a side road in a stretch.
+        crossing_half_m: Half the width of side roads.
+        setback_m: From the sidewalk to the houses.
+        asphalt: Linear albedo of the road.
+        road: Its texture.
+        road_tile_m: Metres that a tile of it covers.
+        track: Albedo of wheel tracks as a multiple of the road's.
+        grass: Colour of the ground that grows.
+        foliage: Colour of the leaves.
+        twig: Colour of bare twigs.
+        bare: Share of broadleaf trees without leaves.
+        conifers: Share of conifers.
+        snow: Whether the ground is white.
+        has_wires: Whether wires run along the road.
+        tunnel: Albedo of a tunnel's walls.
+        yellow_lines: Whether the centre line is yellow.
+        wetness: 0 dry to 1 wet.
+    """
+
+    kind: StreetKind
+    special: StreetKind
+    season: Season
+    lanes: int
+    oncoming_lanes: int
+    closed_lanes: int
+    lane_m: float
+    median_m: float
+    shoulder_m: float
+    left: Side
+    right: Side
+    kerb_m: float
+    speed_mps: float
+    askew_rad: float
+    min_radius_m: float
+    headway_m: float
+    waiting: bool
+    large: float
+    people_per_100m: float
+    land: tuple[float, ...]
+    crossings: float
+    crossing_half_m: float
+    setback_m: float
+    asphalt: float
+    road: Texture
+    road_tile_m: float
+    track: float
+    grass: Colour
+    foliage: Colour
+    twig: Colour
+    bare: float
+    conifers: float
+    snow: bool
+    has_wires: bool
+    tunnel: float
+    yellow_lines: bool
+    wetness: float
+
+    @property
+    def open_lanes(self) -> int:
+        """Own lanes that can be driven on."""
+        return self.lanes - self.closed_lanes
+
+    @property
+    def right_edge_m(self) -> float:
+        """Distance of the asphalt's right edge from the centre line."""
+        return self.median_m / 2 + self.lanes * self.lane_m + self.shoulder_m
+
+    @property
+    def left_edge_m(self) -> float:
+        """Distance of the asphalt's left edge from the centre line."""
+        return self.median_m / 2 + self.oncoming_lanes * self.lane_m + self.shoulder_m
+
+    def lane_centre_m(self, lane: int) -> float:
+        """Offset `t` of a lane: 0, 1, ... are the own ones from the centre line outwards, -1, -2, ... the others."""
+        if lane >= 0:
+            return -(self.median_m / 2 + (lane + 0.5) * self.lane_m)
+        return self.median_m / 2 + (-lane - 0.5) * self.lane_m
+
+
+# Weights of Land's members, in its order.
+_LAND: dict[StreetKind, tuple[float, ...]] = {
+    StreetKind.TOWN: (0.72, 0.04, 0.02, 0.0, 0.06, 0.07, 0.0, 0.05, 0.04),
+    StreetKind.RESIDENTIAL: (0.08, 0.62, 0.06, 0.04, 0.02, 0.11, 0.0, 0.04, 0.03),
+    StreetKind.ARTERIAL: (0.14, 0.09, 0.24, 0.08, 0.20, 0.11, 0.03, 0.06, 0.05),
+    StreetKind.RURAL: (0.0, 0.10, 0.32, 0.46, 0.03, 0.05, 0.0, 0.01, 0.03),
+    StreetKind.HIGHWAY: (0.0, 0.03, 0.33, 0.33, 0.08, 0.05, 0.14, 0.02, 0.02),
+    StreetKind.CAR_PARK: (0.0, 0.0, 0.0, 0.0, 0.06, 0.0, 0.0, 0.7, 0.24),
+}
+# How common each kind is where any is asked for.
+_COMMON = {
+    StreetKind.TOWN: 0.17,
+    StreetKind.RESIDENTIAL: 0.16,
+    StreetKind.ARTERIAL: 0.16,
+    StreetKind.RURAL: 0.16,
+    StreetKind.HIGHWAY: 0.10,
+    StreetKind.JUNCTION: 0.10,
+    StreetKind.CAR_PARK: 0.06,
+    StreetKind.TUNNEL: 0.03,
+    StreetKind.CONSTRUCTION: 0.06,
+}
+# The cross-sections that what is special is found on.
+_SECTIONS = {
+    StreetKind.JUNCTION: (StreetKind.TOWN, StreetKind.ARTERIAL),
+    StreetKind.TUNNEL: (StreetKind.TOWN, StreetKind.ARTERIAL, StreetKind.HIGHWAY),
+    StreetKind.CONSTRUCTION: (
+        *(StreetKind.TOWN, StreetKind.RESIDENTIAL, StreetKind.ARTERIAL, StreetKind.RURAL, StreetKind.HIGHWAY),
+    ),
+}
+
+
+def draw_style(rng: np.random.Generator, config: WorldConfig) -> StreetStyle:
+    """Draws the street of a seed."""
+    special = config.street
+    if special is StreetKind.ANY:
+        shares = np.array(list(_COMMON.values()))
+        special = list(_COMMON)[int(rng.choice(len(_COMMON), p=shares / shares.sum()))]
+    sections = _SECTIONS.get(special, (special,))
+    kind = sections[int(rng.integers(len(sections)))]
+    season = config.season
+    if season is Season.ANY:
+        seasons = [Season.SUMMER, Season.AUTUMN, Season.WINTER, Season.SNOW]
+        season = seasons[int(rng.choice(4, p=[0.38, 0.17, 0.27, 0.18]))]
+    # Albedo from 0.03 (fresh asphalt) to 0.4 (concrete), even in its logarithm: no brightness belongs to the road.
+    asphalt = float(np.exp(rng.uniform(np.log(0.03), np.log(0.4))))
+    grass, foliage, bare = _growth(rng, season)
+    lanes, oncoming, lane_m, median = _lanes(rng, kind)
+    works, junction = special is StreetKind.CONSTRUCTION, special is StreetKind.JUNCTION
+    # A queue of vehicles: slow and close together, in towns above all.
+    jam = rng.random() < {StreetKind.RURAL: 0.04, StreetKind.CAR_PARK: 0.0}.get(kind, 0.15)
+    waiting = bool(junction and rng.random() < 0.45)
+    speed = float(rng.uniform(0.3, 4.0)) if jam else _speed(rng, kind) * (0.6 if works else 1.0)
+    askew = 0.0
+    if rng.random() < {StreetKind.CAR_PARK: 0.4, StreetKind.RURAL: 0.03, StreetKind.HIGHWAY: 0.0}.get(kind, 0.07):
+        askew, speed = float(rng.uniform(-1.3, 1.3)), min(speed, float(rng.uniform(0.5, 2.0)))
+    land = np.array(_LAND[kind])
+    return StreetStyle(
+        kind=kind,
+        special=special,
+        season=season,
+        lanes=lanes,
+        oncoming_lanes=oncoming,
+        closed_lanes=int(works and lanes > 1 and rng.random() < 0.7),
+        lane_m=lane_m,
+        median_m=median,
+        shoulder_m={
+            StreetKind.HIGHWAY: float(rng.uniform(1.5, 3.2)),
+            StreetKind.RURAL: float(rng.uniform(0.0, 1.2)),
+        }.get(kind, float(rng.uniform(0.2, 0.6))),
+        left=_side(rng, kind, config.parked, flat=junction),
+        right=_side(rng, kind, config.parked, flat=junction),
+        kerb_m=float(rng.uniform(0.04, 0.16)),
+        speed_mps=0.0 if waiting else speed * config.speed,
+        askew_rad=askew,
+        min_radius_m={StreetKind.HIGHWAY: 450.0, StreetKind.RURAL: 110.0, StreetKind.ARTERIAL: 160.0}.get(kind, 110.0),
+        headway_m=float(np.exp(rng.uniform(np.log(14), np.log(220))))
+        * (1.5 if kind is StreetKind.HIGHWAY else 1.0)
+        * (0.12 if jam or waiting else 1.0),
+        waiting=waiting,
+        large=float(rng.uniform(0.03, 0.45 if kind in (StreetKind.HIGHWAY, StreetKind.ARTERIAL) else 0.3)),
+        people_per_100m={
+            StreetKind.TOWN: 5.0,
+            StreetKind.RESIDENTIAL: 2.0,
+            StreetKind.ARTERIAL: 1.2,
+            StreetKind.CAR_PARK: 2.0,
+        }.get(kind, 0.1)
+        * float(rng.uniform(0.2, 2.0)),
+        land=tuple((land / land.sum()).tolist()),
+        crossings=1.0
+        if junction
+        else {
+            StreetKind.TOWN: 0.2,
+            StreetKind.RESIDENTIAL: 0.25,
+            StreetKind.ARTERIAL: 0.15,
+            StreetKind.RURAL: 0.1,
+            StreetKind.CAR_PARK: 0.0,
+        }.get(kind, 0.03),
+        crossing_half_m=float(rng.uniform(5.0, 11.0) if junction else rng.uniform(2.4, 4.2)),
+        setback_m=float(rng.uniform(0.0, 3.0) if kind is StreetKind.TOWN else rng.uniform(3.0, 12.0)),
+        asphalt=asphalt,
+        road=_road(rng, kind),
+        road_tile_m=float(rng.uniform(3, 11)),
+        track=float(np.exp(rng.normal(-0.05, 0.25))),
+        grass=grass,
+        foliage=foliage,
+        twig=_jitter(rng, (0.07, 0.055, 0.045), 0.4),
+        bare=bare,
+        conifers=float(rng.choice([0.0, 0.15, 0.5])),
+        snow=season is Season.SNOW,
+        has_wires=bool(rng.random() < {StreetKind.RURAL: 0.3, StreetKind.RESIDENTIAL: 0.15}.get(kind, 0.03)),
+        tunnel=float(rng.uniform(0.12, 0.5)),
+        yellow_lines=bool(rng.random() < (0.6 if works else 0.08)),
+        wetness=float(rng.uniform(0.3, 1.0) if rng.random() < 0.25 else 0.0),
+    )
+
+
+def _road(rng: np.random.Generator, kind: StreetKind) -> Texture:
+    shares = {
+        Texture.ASPHALT: 0.42,
+        Texture.ASPHALT_PATCHED: 0.22,
+        Texture.ASPHALT_WORN: 0.18,
+        Texture.CONCRETE: 0.06,
+        Texture.COBBLES: 0.07 if kind in (StreetKind.TOWN, StreetKind.RESIDENTIAL, StreetKind.CAR_PARK) else 0.0,
+        Texture.PAVING: 0.04 if kind in (StreetKind.RESIDENTIAL, StreetKind.CAR_PARK) else 0.0,
+        Texture.GRAVEL: 0.05 if kind in (StreetKind.RURAL, StreetKind.CAR_PARK) else 0.0,
+    }
+    weights = np.array(list(shares.values()))
+    return list(shares)[int(rng.choice(len(shares), p=weights / weights.sum()))]
+
+
+def _jitter(rng: np.random.Generator, base: Colour, amount: float) -> Colour:
+    r, g, b = np.array(base) * np.exp(rng.normal(0, amount / 2)) * (1 + amount * rng.uniform(-0.3, 0.3, 3))
+    return float(r), float(g), float(b)
+
+
+def _growth(rng: np.random.Generator, season: Season) -> tuple[Colour, Colour, float]:
+    """Colour of the ground, of the leaves, and the share of bare trees."""
+    if season is Season.SUMMER:
+        return _jitter(rng, (0.13, 0.19, 0.05), 0.5), _jitter(rng, (0.10, 0.17, 0.04), 0.6), 0.03
+    if season is Season.AUTUMN:
+        leaves = [(0.30, 0.18, 0.04), (0.25, 0.08, 0.03), (0.16, 0.16, 0.05)][int(rng.integers(3))]
+        return _jitter(rng, (0.17, 0.17, 0.06), 0.5), _jitter(rng, leaves, 0.5), float(rng.uniform(0.2, 0.5))
+    return _jitter(rng, (0.16, 0.15, 0.08), 0.5), _jitter(rng, (0.045, 0.065, 0.03), 0.6), float(rng.uniform(0.8, 1.0))
+
+
+def _lanes(rng: np.random.Generator, kind: StreetKind) -> tuple[int, int, float, float]:
+    """Own lanes, oncoming lanes, width of a lane, width of the median."""
+    if kind is StreetKind.HIGHWAY:
+        lanes = int(rng.integers(2, 5))
+        return lanes, lanes, float(rng.uniform(3.4, 3.8)), float(rng.uniform(1.6, 5.0))
+    if kind is StreetKind.ARTERIAL:
+        lanes = int(rng.integers(1, 4))
+        median = float(rng.uniform(1.5, 5.0)) if lanes > 1 and rng.random() < 0.4 else 0.0
+        return lanes, max(1, lanes - int(rng.random() < 0.2)), float(rng.uniform(3.0, 3.6)), median
+    if kind is StreetKind.RURAL:
+        return 1, 1, float(rng.uniform(2.3, 3.6)), 0.0
+    if kind is StreetKind.CAR_PARK:
+        return 1, 1, float(rng.uniform(2.6, 4.0)), 0.0
+    if kind is StreetKind.TOWN:
+        lanes = int(rng.choice([1, 2], p=[0.65, 0.35]))
+        return lanes, lanes, float(rng.uniform(2.8, 3.5)), 0.0
+    return 1, 1, float(rng.uniform(2.5, 3.2)), 0.0
+
+
+def _speed(rng: np.random.Generator, kind: StreetKind) -> float:
+    low, high = {
+        StreetKind.TOWN: (3.0, 13.0),
+        StreetKind.RESIDENTIAL: (3.0, 9.0),
+        StreetKind.ARTERIAL: (6.0, 19.0),
+        StreetKind.RURAL: (12.0, 27.0),
+        StreetKind.HIGHWAY: (18.0, 34.0),
+        StreetKind.CAR_PARK: (0.5, 4.0),
+    }[kind]
+    return float(rng.uniform(low, high))
+
+
+def _side(rng: np.random.Generator, kind: StreetKind, parked: float, flat: bool) -> Side:
+    town = kind in (StreetKind.TOWN, StreetKind.RESIDENTIAL)
+    paved = (town and rng.random() < 0.93) or (kind is StreetKind.ARTERIAL and rng.random() < 0.75)
+    parking = float(rng.uniform(2.0, 2.4)) if (town and rng.random() < 0.7) or (paved and rng.random() < 0.2) else 0.0
+    verge = float(rng.uniform(0.8, 4.0)) if (paved and rng.random() < 0.4) else 0.0
+    low, high = {
+        StreetKind.RURAL: (-3.0, 4.0),
+        StreetKind.HIGHWAY: (-4.0, 5.0),
+        StreetKind.ARTERIAL: (-1.0, 1.5),
+        StreetKind.RESIDENTIAL: (-0.7, 1.2),
+    }.get(kind, (0.0, 0.0))
+    outside = kind in (StreetKind.RURAL, StreetKind.HIGHWAY)
+    return Side(
+        parking_m=parking,
+        verge_m=verge,
+        walk_m=float(rng.uniform(1.5, 4.5)) if paved else 0.0,
+        parked=min(1.0, parked * float(rng.uniform(0.25, 0.95))),
+        tree_spacing_m=float(rng.uniform(7, 22)) if rng.random() < (0.5 if paved else 0.3) else 0.0,
+        guard_rail=bool(outside and rng.random() < (0.75 if kind is StreetKind.HIGHWAY else 0.25)),
+        bank_m=0.0 if flat else float(rng.uniform(low, high)),
+        ditch_m=float(rng.uniform(0.2, 1.2)) if outside and rng.random() < 0.5 else 0.0,
+    )

@@ -1,0 +1,1 @@
+"""World: the road and its surroundings, traffic and the own vehicle."""

@@ -1,0 +1,1 @@
+"""Training data: prepared samples on disk, augmentation, batches and their order."""

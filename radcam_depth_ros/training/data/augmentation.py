@@ -1,0 +1,315 @@
+"""Makes many samples of one: another window, light, look, radars that miss or invent returns, a road prior that is off.
+
+What is seen (`crop`, `zoom`, `mirror`) and what is true of it change together: image, depth, returns and ground stay
+consistent. What is only perceived (`appearance.restyle`, `photometric.perceive`, `appearance.develop`, `perturb_radar`,
+`perturb_ground`) changes alone. All take their randomness from the generator that is passed in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
+from radcam_depth_ros.training.data.appearance import AppearanceConfig, develop, restyle
+from radcam_depth_ros.training.data.photometric import PhotometricConfig, perceive
+from radcam_depth_ros.training.data.samples import RADAR_COLUMNS, UNKNOWN_CLASS, TrainingSample
+from radcam_depth_ros.training.errors import TrainingError
+
+_U, _V, _DEPTH, _RCS, _SPEED, _AGE = range(RADAR_COLUMNS)
+CROP_MARGIN_PX = 80
+"""Half of the width of a return's region of interest, as of `baff`."""
+
+ValueT = TypeVar("ValueT", bound=np.generic)
+
+
+@dataclass(frozen=True)
+class RadarAugmentationConfig:
+    """What happens to radar returns.
+
+    Attributes:
+        none: Probability of no return at all.
+        one_radar: Probability of one radar alone, where a drive has several.
+        thinned: Probability of leaving returns out; then a share of up to `thinned_share` goes.
+        thinned_share: See `thinned`.
+        clutter: Probability of invented returns; then up to `clutter_share` of the number of true ones, or 3.
+        clutter_share: See `clutter`.
+        pixel_noise: Standard deviation of u and v in pixels.
+        elevation_noise: Probability of a radar that hardly knows how high a return is: up to `elevation_noise_deg`.
+        elevation_noise_deg: Largest standard deviation of the elevation.
+        depth_noise_m: Standard deviation of depth in metres.
+        rcs_unknown: Probability of a radar that gives no RCS.
+        speed_unknown: Probability of a radar that gives no speed.
+        age_unknown: Probability of unknown ages.
+        min_points: See `max_points`.
+        max_points: Returns are thinned, at random, to a number drawn between these two, each order of magnitude as
+            often: imaging radars give thousands, of which an iteration has no time for all.
+    """
+
+    none: float = 0.03
+    one_radar: float = 0.25
+    thinned: float = 0.2
+    thinned_share: float = 0.6
+    clutter: float = 0.1
+    clutter_share: float = 0.15
+    pixel_noise: float = 1.0
+    elevation_noise: float = 0.0
+    elevation_noise_deg: float = 6.0
+    depth_noise_m: float = 0.1
+    rcs_unknown: float = 0.15
+    speed_unknown: float = 0.15
+    age_unknown: float = 0.15
+    min_points: int = 300
+    max_points: int = 1200
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.min_points <= self.max_points:
+            raise TrainingError(
+                f"returns need 1 <= min_points <= max_points, got {self.min_points} and {self.max_points}"
+            )
+
+
+@dataclass(frozen=True)
+class GroundAugmentationConfig:
+    """How far the road prior that the network is told is off.
+
+    Attributes:
+        unknown: Probability of no prior.
+        height_share: Largest relative error of the camera's height.
+        pitch_deg: Largest error of pitch.
+        roll_deg: Largest error of roll.
+    """
+
+    unknown: float = 0.05
+    height_share: float = 0.03
+    pitch_deg: float = 0.3
+    roll_deg: float = 0.2
+
+
+@dataclass(frozen=True)
+class AugmentationConfig:
+    """All of it.
+
+    Attributes:
+        mirror: Probability of a left-right flip.
+        focal_jitter: Largest change of the logarithm of the focal length: the image is scaled, depths are not.
+        photometric: Light and colour.
+        appearance: Surfaces, air and the camera's processing.
+        radar: Returns.
+        ground: Road prior.
+    """
+
+    mirror: float = 0.5
+    focal_jitter: float = 0.0
+    photometric: PhotometricConfig = field(default_factory=PhotometricConfig)
+    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
+    radar: RadarAugmentationConfig = field(default_factory=RadarAugmentationConfig)
+    ground: GroundAugmentationConfig = field(default_factory=GroundAugmentationConfig)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mirror <= 1 or not 0 <= self.focal_jitter <= 0.5:
+            raise TrainingError(
+                f"mirror must be 0 to 1 and focal_jitter 0 to 0.5, got {self.mirror} and {self.focal_jitter}"
+            )
+
+
+def augment(
+    sample: TrainingSample, size: tuple[int, int], config: AugmentationConfig, rng: np.random.Generator
+) -> tuple[TrainingSample, FloatArray]:
+    """One random version of a sample.
+
+    Args:
+        sample: As cached.
+        size: (height, width) of the crop.
+        config: Probabilities and strengths.
+        rng: Where all randomness comes from.
+
+    Returns:
+        The sample, and its image after photometric changes, (H, W, 3) float32, 0 to 1.
+    """
+    # Of their own generator: switching these effects on or off changes nothing else of a sample.
+    look = rng.spawn(1)[0]
+    height, width = _window_size(sample.camera, size, config.focal_jitter, look)
+    top = _offset(sample.camera.height, height, rng)
+    left = _offset(sample.camera.width, width, rng)
+    result = crop(sample, top, left, height, width)
+    if (height, width) != size:
+        result = zoom(result, size)
+    if rng.random() < config.mirror:
+        result = mirror(result)
+    radar, source = perturb_radar(result, config.radar, rng)
+    ground = perturb_ground(result.ground, config.ground, rng)
+    result = replace(result, radar=radar, radar_source=source, ground=ground)
+    image = restyle(result.image, result.depth_m, result.classes, config.appearance, look)
+    return result, develop(perceive(image, config.photometric, rng), config.appearance, look)
+
+
+def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -> TrainingSample:
+    """Cuts a window out; where it reaches beyond the image, the image is black and nothing else is known.
+
+    Returns stay, whatever their row, as radars know little of height, when their column is near enough to the window
+    that their region of interest reaches into it; `estimator.radar_columns` keeps such ones, too.
+    """
+    camera = CameraModel(
+        width, height, sample.camera.fx, sample.camera.fy, sample.camera.cx - left, sample.camera.cy - top
+    )
+    single_m = sample.depth_single_m
+    radar = sample.radar.copy()
+    radar[:, _U] -= left
+    radar[:, _V] -= top
+    inside = (radar[:, _U] > -CROP_MARGIN_PX) & (radar[:, _U] < width - 1 + CROP_MARGIN_PX)
+    return replace(
+        sample,
+        image=_window(sample.image, top, left, height, width, 0),
+        depth_m=_window(sample.depth_m, top, left, height, width, np.nan),
+        classes=_window(sample.classes, top, left, height, width, UNKNOWN_CLASS),
+        depth_single_m=None if single_m is None else _window(single_m, top, left, height, width, np.nan),
+        radar=radar[inside],
+        radar_source=sample.radar_source[inside],
+        camera=camera,
+    )
+
+
+def zoom(sample: TrainingSample, size: tuple[int, int]) -> TrainingSample:
+    """Scales the image to `size` (height, width): as another focal length has it, since depths stay.
+
+    Depths and classes are taken from the nearest pixel, never blended.
+    """
+    height, width = size
+    old = sample.camera
+    x, y = width / old.width, height / old.height
+    # A pixel's coordinates are those of its middle.
+    camera = CameraModel(width, height, old.fx * x, old.fy * y, (old.cx + 0.5) * x - 0.5, (old.cy + 0.5) * y - 0.5)
+    radar = sample.radar.copy()
+    radar[:, _U] = (radar[:, _U] + 0.5) * x - 0.5
+    radar[:, _V] = (radar[:, _V] + 0.5) * y - 0.5
+    rows = ((np.arange(height) + 0.5) / y).astype(np.int64)[:, None]
+    columns = ((np.arange(width) + 0.5) / x).astype(np.int64)[None, :]
+    return replace(
+        sample,
+        image=cv2.resize(np.ascontiguousarray(sample.image), (width, height), interpolation=cv2.INTER_LINEAR),
+        depth_m=sample.depth_m[rows, columns],
+        classes=sample.classes[rows, columns],
+        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[rows, columns],
+        radar=radar,
+        camera=camera,
+    )
+
+
+def mirror(sample: TrainingSample) -> TrainingSample:
+    """The same street with left and right exchanged: images, principal point, returns and the road's normal."""
+    last = sample.camera.width - 1
+    radar = sample.radar.copy()
+    radar[:, _U] = last - radar[:, _U]
+    up_x, up_y, up_z = sample.ground.up
+    return replace(
+        sample,
+        image=sample.image[:, ::-1],
+        depth_m=sample.depth_m[:, ::-1],
+        classes=sample.classes[:, ::-1],
+        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[:, ::-1],
+        radar=radar,
+        camera=replace(sample.camera, cx=last - sample.camera.cx),
+        ground=GroundPlane(sample.ground.height_m, (-up_x, up_y, up_z)),
+    )
+
+
+def perturb_radar(
+    sample: TrainingSample, config: RadarAugmentationConfig, rng: np.random.Generator
+) -> tuple[FloatArray, npt.NDArray[np.uint8]]:
+    """Chooses radars, leaves returns out, invents some, adds noise, forgets columns.
+
+    Returns:
+        Returns (N, 6) float32 with N <= max_points, and the radar of each.
+    """
+    radar, source = sample.radar, sample.radar_source
+    if rng.random() < config.none:
+        return radar[:0], source[:0]
+    radars = np.unique(source)
+    if len(radars) > 1 and rng.random() < config.one_radar:
+        chosen = source == rng.choice(radars)
+        radar, source = radar[chosen], source[chosen]
+    if rng.random() < config.thinned:
+        kept = rng.random(len(radar)) >= rng.uniform(0, config.thinned_share)
+        radar, source = radar[kept], source[kept]
+    noise = np.array([config.pixel_noise, config.pixel_noise, config.depth_noise_m, 0, 0, 0], np.float32)
+    radar = radar + rng.standard_normal(radar.shape, np.float32) * noise
+    if rng.random() < config.elevation_noise:
+        deviation_px = sample.camera.fy * np.tan(np.deg2rad(rng.uniform(0, config.elevation_noise_deg)))
+        radar[:, _V] += deviation_px * rng.standard_normal(len(radar), np.float32)
+    if rng.random() < config.clutter:
+        invented = _clutter(sample.camera, radar, config, rng)
+        radar = np.concatenate([radar, invented])
+        source = np.concatenate([source, rng.choice(radars, len(invented)) if len(radars) else np.zeros(len(invented))])
+    limit = int(np.exp(rng.uniform(np.log(config.min_points), np.log(config.max_points + 1))))
+    # In random order, also where none is left out: association is trained on the first of them.
+    drawn = rng.choice(len(radar), min(limit, len(radar)), replace=False)
+    radar, source = radar[drawn], source[drawn]
+    for column, probability in (
+        (_RCS, config.rcs_unknown),
+        (_SPEED, config.speed_unknown),
+        (_AGE, config.age_unknown),
+    ):
+        if rng.random() < probability:
+            radar[:, column] = np.nan
+    in_front = radar[:, _DEPTH] > 0
+    return radar[in_front], source[in_front].astype(np.uint8)
+
+
+def perturb_ground(ground: GroundPlane, config: GroundAugmentationConfig, rng: np.random.Generator) -> GroundPlane:
+    """The road prior with an error of height, pitch and roll, or none."""
+    unknown, height, pitch, roll = rng.random(), *rng.uniform(-1, 1, 3)
+    if unknown < config.unknown or not ground.is_known:
+        return GroundPlane()
+    x, y, z = ground.up
+    angle = np.deg2rad(pitch * config.pitch_deg)
+    y, z = y * np.cos(angle) - z * np.sin(angle), y * np.sin(angle) + z * np.cos(angle)
+    angle = np.deg2rad(roll * config.roll_deg)
+    x, y = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
+    return GroundPlane(ground.height_m * (1 + height * config.height_share), (float(x), float(y), float(z)))
+
+
+def _clutter(
+    camera: CameraModel, radar: FloatArray, config: RadarAugmentationConfig, rng: np.random.Generator
+) -> FloatArray:
+    """Invented returns: anywhere in the image, near ones as often as far ones, with values like the true ones'."""
+    count = int(rng.integers(1, max(3, round(config.clutter_share * len(radar))) + 1))
+    invented = np.full((count, RADAR_COLUMNS), np.nan, np.float32)
+    invented[:, _U] = rng.uniform(0, camera.width - 1, count)
+    invented[:, _V] = rng.uniform(0, camera.height - 1, count)
+    invented[:, _DEPTH] = rng.uniform(2.0, 90.0, count)
+    if len(radar):
+        invented[:, _RCS:] = radar[rng.integers(0, len(radar), count), _RCS:]
+    return invented
+
+
+def _window_size(
+    camera: CameraModel, size: tuple[int, int], jitter: float, rng: np.random.Generator
+) -> tuple[int, int]:
+    """Height and width of the window that becomes `size` at another focal length; never more than the image has."""
+    if not jitter:
+        return size
+    least = max(size[0] / camera.height, size[1] / camera.width)
+    scale = max(float(np.exp(rng.uniform(-jitter, jitter))), min(least, 1.0))
+    return round(size[0] / scale), round(size[1] / scale)
+
+
+def _offset(length: int, wanted: int, rng: np.random.Generator) -> int:
+    """Where a window begins; at 0 when it does not fit."""
+    position = rng.random()
+    return int(position * (max(length - wanted, 0) + 1))
+
+
+def _window(
+    values: npt.NDArray[ValueT], top: int, left: int, height: int, width: int, fill: float
+) -> npt.NDArray[ValueT]:
+    part = values[top : top + height, left : left + width]
+    if part.shape[:2] == (height, width):
+        return part
+    result = np.full((height, width, *values.shape[2:]), fill, values.dtype)
+    result[: part.shape[0], : part.shape[1]] = part
+    return result

@@ -1,0 +1,216 @@
+"""Batches of augmented samples, made ahead while the network trains.
+
+Which samples a batch holds and what happens to them is a function of the seed and of how many samples came before:
+there is no sampler state, so that a resumed run goes on exactly as it would have.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from radcam_depth_ros.frame import FloatArray
+from radcam_depth_ros.geometry import ground_coefficients
+from radcam_depth_ros.resampling import use_one_thread
+from radcam_depth_ros.training.data.augmentation import AugmentationConfig, augment
+from radcam_depth_ros.training.data.order import Order, rehearsals_before
+from radcam_depth_ros.training.data.samples import RADAR_COLUMNS, CachedDrive, TrainingSample
+from radcam_depth_ros.training.errors import TrainingError
+
+POINTS_MULTIPLE = 16
+"""The number of returns of a batch is rounded up to this: few different shapes, so memory is used again."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What one iteration is given.
+
+    Attributes:
+        image: (B, 3, H, W) float32, 0 to 1, channels last in memory.
+        radar: (B, N, 6) float32.
+        valid: (B, N) bool.
+        ground: (B, 4) float32.
+        depth_accumulated_m: (B, 1, H, W) float32, NaN unknown, +inf sky: many scans, or the exact depth.
+        depth_single_m: The same of a single scan; None where one ground truth serves as both.
+        classes: (B, H, W) uint8, 255 unknown.
+    """
+
+    image: Tensor
+    radar: Tensor
+    valid: Tensor
+    ground: Tensor
+    depth_accumulated_m: Tensor
+    depth_single_m: Tensor | None
+    classes: Tensor
+
+    def to(self, device: torch.device) -> Batch:
+        """The same batch on a device."""
+        moved = {
+            entry.name: tensor.to(device, non_blocking=True)
+            for entry in fields(self)
+            if (tensor := getattr(self, entry.name)) is not None
+        }
+        return replace(self, **moved)
+
+
+@dataclass(frozen=True)
+class SampleSet:
+    """Frames of several drives under one index.
+
+    Attributes:
+        drives: The drives.
+        entries: (S, 2) int64: drive and frame of each sample.
+    """
+
+    drives: tuple[CachedDrive, ...]
+    entries: npt.NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        if not len(self.entries):
+            raise TrainingError("there is no frame with ground truth to train or validate on; give more bags")
+
+    @classmethod
+    def of(cls, drives: Sequence[CachedDrive]) -> SampleSet:
+        """All frames of some drives."""
+        entries = [(drive, frame) for drive, cached in enumerate(drives) for frame in range(len(cached))]
+        return cls(tuple(drives), np.array(entries, np.int64).reshape(-1, 2))
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __getitem__(self, index: int) -> TrainingSample:
+        drive, frame = (int(value) for value in self.entries[index])
+        return self.drives[drive][frame]
+
+    @property
+    def largest(self) -> tuple[int, int]:
+        """Greatest height and width of any image."""
+        cameras = [drive.card.camera for drive in self.drives]
+        return max(camera.height for camera in cameras), max(camera.width for camera in cameras)
+
+    def split(self, share: float) -> tuple[SampleSet, SampleSet]:
+        """The first frames, and the last `share` of them (at least one)."""
+        last = min(max(1, round(share * len(self))), len(self))
+        return SampleSet(self.drives, self.entries[:-last]), SampleSet(self.drives, self.entries[-last:])
+
+    def spread(self, count: int) -> tuple[int, ...]:
+        """Indices of `count` samples, evenly over all."""
+        return tuple(np.unique(np.linspace(0, len(self) - 1, min(count, len(self))).round().astype(int)).tolist())
+
+
+def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | None = None) -> Batch:
+    """Samples of one size as a batch.
+
+    Args:
+        samples: The samples.
+        images: (H, W, 3) float32 images in their place; their own, divided by 255, by default.
+    """
+    if images is None:
+        images = [sample.image.astype(np.float32) / np.float32(255) for sample in samples]
+    points = max(len(sample.radar) for sample in samples)
+    points = max(1, -(-points // POINTS_MULTIPLE)) * POINTS_MULTIPLE
+    # Padding is a return at 1 m that is not valid: finite in every formula.
+    radar = np.ones((len(samples), points, RADAR_COLUMNS), np.float32)
+    valid = np.zeros((len(samples), points), np.bool_)
+    for index, sample in enumerate(samples):
+        radar[index, : len(sample.radar)] = sample.radar
+        valid[index, : len(sample.radar)] = True
+    ground = np.stack([ground_coefficients(sample.ground.or_assumed(), sample.camera) for sample in samples])
+    # Where one ground truth serves as both it stands for the single one too.
+    singles = [sample.depth_m if sample.depth_single_m is None else sample.depth_single_m for sample in samples]
+    differ = any(sample.depth_single_m is not None for sample in samples)
+    # All arithmetic is numpy's: a thread that uses torch's gets a team of OpenMP threads of its own, and with more such
+    # threads than processors those of the thread that trains stop spinning while they wait.
+    return Batch(
+        image=torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2),
+        radar=torch.from_numpy(radar),
+        valid=torch.from_numpy(valid),
+        ground=torch.from_numpy(ground),
+        depth_accumulated_m=_depths([sample.depth_m for sample in samples]),
+        depth_single_m=_depths(singles) if differ else None,
+        classes=torch.from_numpy(np.stack([sample.classes for sample in samples])),
+    )
+
+
+def _depths(depths_m: Sequence[npt.NDArray[np.float16]]) -> Tensor:
+    """(B, 1, H, W) float32."""
+    return torch.from_numpy(np.stack(depths_m).astype(np.float32)[:, None])
+
+
+class BatchMaker:
+    """Makes the batch that begins after a number of samples.
+
+    Args:
+        samples: What there is.
+        config: Augmentation.
+        seed: Of order and augmentation.
+        rehearsal: Samples that are mixed in.
+        rehearsal_share: Share of these among all.
+    """
+
+    def __init__(
+        self,
+        samples: SampleSet,
+        config: AugmentationConfig,
+        seed: int,
+        rehearsal: SampleSet | None = None,
+        rehearsal_share: float = 0.0,
+    ) -> None:
+        self._samples = samples
+        self._config = config
+        self._seed = seed
+        self._order = Order(len(samples), (seed, 0))
+        self._rehearsal = rehearsal
+        self._share = rehearsal_share if rehearsal is not None else 0.0
+        self._rehearsal_order = Order(len(rehearsal or samples), (seed, 2))
+        # As torch's threads, OpenCV's would take turns with those of the network that trains.
+        use_one_thread()
+
+    def make(self, position: int, count: int, size: tuple[int, int]) -> Batch:
+        """The batch of the samples number `position` to `position + count`, cropped to `size` (height, width)."""
+        samples, images = [], []
+        for place in range(position, position + count):
+            rng = np.random.default_rng((self._seed, 1, place))
+            sample, image = augment(self._sample(place), size, self._config, rng)
+            samples.append(sample)
+            images.append(image)
+        return collate(samples, images)
+
+    def _sample(self, place: int) -> TrainingSample:
+        before = rehearsals_before(place, self._share)
+        if self._rehearsal is not None and rehearsals_before(place + 1, self._share) > before:
+            return self._rehearsal[self._rehearsal_order.index(before)]
+        return self._samples[self._order.index(place - before)]
+
+
+def prefetch(
+    maker: BatchMaker,
+    position: int,
+    count: int,
+    sizes: Sequence[tuple[int, int]],
+    pool: ThreadPoolExecutor,
+    ahead: int,
+    step: int,
+) -> Generator[Batch, None, None]:
+    """Endless batches from `position` on, one every `step` samples, each of one of the sizes.
+
+    `ahead` of them are in the making in the pool's threads.
+    """
+    waiting: deque[Future[Batch]] = deque()
+    try:
+        while True:
+            while len(waiting) < ahead:
+                size = sizes[int(np.random.default_rng((3, position // step)).integers(len(sizes)))]
+                waiting.append(pool.submit(maker.make, position, count, size))
+                position += step
+            yield waiting.popleft().result()
+    finally:
+        for future in waiting:
+            future.cancel()

@@ -1,0 +1,1 @@
+"""Losses: one module for each network, and terms that several of them share."""

@@ -1,0 +1,276 @@
+"""What `baff` is trained to: association, dense depth and confidence (METHODS A; Electronics 2025, section 3.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
+from radcam_depth_ros.training.data.batches import Batch
+from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
+from radcam_depth_ros.training.distributed.ranks import Ranks
+from radcam_depth_ros.training.errors import TrainingError
+from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
+
+GROUND_CLASSES = (0, 1)
+"""Road and sidewalk, as training ids of Cityscapes: what lies on the road's plane."""
+
+FARTHEST_ROAD_M = 60.0
+"""The road's correction is learned from ground up to here: farther on, one plane seldom holds."""
+
+ROAD_TOLERANCE = 0.2
+"""Difference of the logarithms up to which a pixel of unknown class is taken for ground."""
+
+
+@dataclass(frozen=True)
+class LossConfig:
+    """Weights and thresholds of the losses: how a network is trained, so no part of its architecture.
+
+    Attributes:
+        association: Weight of stage 1's binary cross entropy.
+        association_tolerance_m: A pixel belongs to a return when their depths differ by less than this (the paper's
+            0.4 m).
+        association_tolerance_share: Widens the tolerance by this share of the depth; 0 is the paper's form.
+        choice: Weight of the choice between candidates of depth, a cross entropy.
+        choice_sky: Weight in it of pixels without a surface, relative to the others.
+        choice_tolerance: Relative error of a candidate's depth at which it counts 1 / e as much as a right one.
+        road: Weight of the corrected road's error, an L1 of the logarithm of depth on the ground.
+        positive_weight: How much more a pixel that belongs to a return counts than one that does not: they are few.
+        accumulated: Weight of the smooth L1 on the accumulated ground truth (exact depth in simulated drives).
+        single: Weight of the smooth L1 on the single scan's ground truth; both are 1 in the paper.
+        smooth_l1_beta_m: Error from which on the smooth L1 is linear.
+        sky: Weight of pixels without any surface or beyond the depth range, which are drawn to the farthest depth,
+            relative to the others.
+        sky_margin_px: Sky this near to a surface does not count: between twigs nobody knows, and nobody asks.
+        log_depth: Weight of an L1 on the logarithm of depth, which counts a tenth of the distance alike near and far;
+            0 is the paper's loss.
+        confidence: Weight of the confidence's binary cross entropy.
+        confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
+    """
+
+    association: float = 1.0
+    association_tolerance_m: float = 0.4
+    association_tolerance_share: float = 0.01
+    positive_weight: float = 1.5
+    choice: float = 1.0
+    choice_sky: float = 0.05
+    choice_tolerance: float = 0.05
+    road: float = 4.0
+    accumulated: float = 0.25
+    single: float = 0.25
+    smooth_l1_beta_m: float = 1.0
+    sky: float = 0.015
+    sky_margin_px: int = 4
+    log_depth: float = 20.0
+    confidence: float = 0.1
+    confidence_tolerance: float = 0.1
+
+    def __post_init__(self) -> None:
+        weights = (
+            self.association,
+            self.accumulated,
+            self.single,
+            self.sky,
+            self.log_depth,
+            self.confidence,
+            self.choice,
+            self.road,
+            self.choice_sky,
+            self.sky_margin_px,
+            self.association_tolerance_share,
+        )
+        if min(weights) < 0:
+            raise TrainingError(f"loss weights must not be negative, got {min(weights)}")
+        positive = (
+            self.association_tolerance_m,
+            self.positive_weight,
+            self.smooth_l1_beta_m,
+            self.confidence_tolerance,
+            self.choice_tolerance,
+        )
+        if min(positive) <= 0:
+            raise TrainingError(
+                "association_tolerance_m, choice_tolerance, positive_weight, smooth_l1_beta_m and "
+                f"confidence_tolerance must be positive, got {min(positive)}"
+            )
+
+
+def association_loss(association: Association, truth_m: Tensor, config: LossConfig, ranks: Ranks = ALONE) -> Tensor:
+    """Binary cross entropy of every logit whose pixel has ground truth.
+
+    Args:
+        association: Logits (B, M, h, w) with the depths of their returns.
+        truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) belongs to no return.
+        config: Tolerance and weight of positives.
+        ranks: The processes that share the batch: the mean is over all of it, and the sum of what each gets.
+
+    Returns:
+        A scalar: the mean over samples of that over the pixels and returns that count, a positive counting
+        `positive_weight` times.
+    """
+    logits, depth, columns = association
+    truth = _at(truth_m, logits.shape[2])
+    if columns is not None:
+        index = columns.clamp(min=0).unsqueeze(2).expand(-1, -1, logits.shape[2], -1)
+        truth = torch.gather(truth.expand(-1, logits.shape[1], -1, -1), 3, index)
+        depth = torch.where(columns.unsqueeze(2) >= 0, depth, torch.nan)
+    tolerance = config.association_tolerance_m + config.association_tolerance_share * depth
+    counts = ~torch.isnan(truth - depth)
+    positive = ((truth - depth).abs() < tolerance).expand_as(logits)
+    weight = torch.where(positive, config.positive_weight, 1.0)
+    entropy = functional.binary_cross_entropy_with_logits(logits.float(), positive.float(), weight, reduction="none")
+    return masked_mean(entropy, counts.expand_as(logits), ranks)
+
+
+def choice_loss(
+    candidates: Candidates, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> Tensor:
+    """Negative log likelihood of the depth, as a mixture of a Laplace distribution of log depth at each candidate.
+
+    Args:
+        candidates: What the network chooses between.
+        truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) and what is beyond `max_depth_m` is there.
+        max_depth_m: Farthest depth that the network gives.
+        config: `choice_tolerance`.
+        ranks: As in `association_loss`.
+    """
+    truth = _at(truth_m, candidates.logits.shape[2])
+    counts = ~torch.isnan(truth)
+    weight = torch.where(torch.isinf(truth), config.choice_sky, 1.0) * counts
+    truth = torch.log(torch.where(counts, truth, 1.0).clamp(0.1, max_depth_m))
+    logits = candidates.logits.float()
+    distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
+    likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
+    return masked_mean(-likelihood, weight, ranks)
+
+
+def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
+    """Mean absolute difference of the logarithms where the ground is.
+
+    That is where a pixel's class says so or, where classes are not known, where truth and road are not far apart.
+
+    Args:
+        road_m: (B, 1, h, w) metres, of the image's size or smaller by a whole factor.
+        truth_m: (B, 1, H, W) metres; NaN pixels do not count.
+        classes: (B, H, W) uint8, 255 unknown.
+        ranks: As in `association_loss`.
+    """
+    truth, stride = _at(truth_m, road_m.shape[2]), truth_m.shape[2] // road_m.shape[2]
+    label = classes[:, None, stride // 2 :: stride, stride // 2 :: stride]
+    ground = torch.zeros_like(label, dtype=torch.bool)
+    for number in GROUND_CLASSES:
+        ground |= label == number
+    counts = (truth > 0) & (truth <= FARTHEST_ROAD_M)
+    difference = (torch.log(road_m) - torch.log(torch.where(counts, truth, 1.0))).abs()
+    near = difference.detach() < ROAD_TOLERANCE
+    # A plane has no business where the ground leaves it by half: a bank, a hole, another road.
+    counts &= torch.where(label == UNKNOWN_CLASS, near, ground & (difference.detach() < 0.7))
+    return masked_mean(difference, counts, ranks)
+
+
+def _at(truth_m: Tensor, rows: int) -> Tensor:
+    """Ground truth with so many rows: one pixel stands for its cell, since depths are never blended across edges.
+
+    It is the middle one, or the nearest of the cell where that is unknown: a LiDAR knows few pixels, and none of them
+    is to be lost.
+    """
+    stride = truth_m.shape[2] // rows
+    if stride == 1:
+        return truth_m
+    middle = truth_m[:, :, stride // 2 :: stride, stride // 2 :: stride]
+    # Sky is +inf, so that what is unknown needs a number beyond it: both are finite here.
+    sky_m, unknown_m = 1e9, 2e9
+    ranked = torch.where(torch.isnan(truth_m), unknown_m, truth_m.clamp(max=sky_m))
+    nearest = -functional.max_pool2d(-ranked, stride)
+    nearest = torch.where(nearest == sky_m, torch.inf, torch.where(nearest == unknown_m, torch.nan, nearest))
+    return torch.where(torch.isnan(middle), nearest, middle)
+
+
+def without_narrow_sky(truth_m: Tensor, margin_px: int) -> Tensor:
+    """Ground truth (B, 1, H, W) whose sky within `margin_px` of a surface, along both axes, is unknown (NaN)."""
+    surface = torch.isfinite(truth_m).float()
+    side = 2 * margin_px + 1
+    near = functional.max_pool2d(surface, (1, side), 1, (0, margin_px))
+    near = functional.max_pool2d(near, (side, 1), 1, (margin_px, 0))
+    return torch.where(torch.isinf(truth_m) & (near > 0), torch.nan, truth_m)
+
+
+def dense_loss(
+    dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> Tensor:
+    """Smooth L1 in metres, means over the pixels with a surface in range and, weighted `sky`, over those without.
+
+    Args:
+        dense_m: (B, 1, H, W) metres.
+        truth_m: The same size; NaN unknown, +inf or beyond `max_depth_m` is drawn to `max_depth_m`.
+        max_depth_m: Farthest depth that the network gives.
+        config: `smooth_l1_beta_m` and `sky`.
+        ranks: As in `association_loss`.
+    """
+    beyond = truth_m > max_depth_m
+    in_range = (truth_m > 0) & ~beyond
+    target = torch.where(in_range, truth_m, max_depth_m)
+    error = functional.smooth_l1_loss(dense_m, target, reduction="none", beta=config.smooth_l1_beta_m)
+    return masked_mean(error, in_range, ranks) + config.sky * masked_mean(error, beyond, ranks)
+
+
+def log_depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Ranks = ALONE) -> Tensor:
+    """Mean absolute difference of the logarithms, over the pixels with a surface in range; shapes as `dense_loss`."""
+    in_range = (truth_m > 0) & (truth_m <= max_depth_m)
+    difference = (torch.log(dense_m) - torch.log(torch.where(in_range, truth_m, 1.0))).abs()
+    return masked_mean(difference, in_range, ranks)
+
+
+def confidence_loss(
+    logit: Tensor, dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> Tensor:
+    """Binary cross entropy against whether the dense depth, taken as it is, is right; shapes as `dense_loss`."""
+    in_range = (truth_m > 0) & (truth_m <= max_depth_m)
+    right = (dense_m.detach() - truth_m).abs() < config.confidence_tolerance * truth_m
+    entropy = functional.binary_cross_entropy_with_logits(logit, right.float(), reduction="none")
+    return masked_mean(entropy, in_range, ranks)
+
+
+def total_loss(
+    outputs: TrainOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """All losses of a batch.
+
+    Args:
+        outputs: What the network gave.
+        batch: With the ground truth of many scans, or the exact depth, and that of a single scan where it is another.
+        max_depth_m: Farthest depth that the network gives.
+        config: Weights.
+        ranks: The processes that share the batch; each gets its part of the losses, whose sum is that of the batch.
+
+    Returns:
+        The total, and its parts before weighting, which pass no gradient; 0 for what the network gave nothing for.
+    """
+    accumulated_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
+    single_m = None if batch.depth_single_m is None else without_narrow_sky(batch.depth_single_m, config.sky_margin_px)
+    total = accumulated_m.new_zeros(())
+    parts = dict.fromkeys(("association", "choice", "dense", "log_depth", "road", "confidence"), total)
+    if outputs.association is not None:
+        parts["association"] = association_loss(outputs.association, accumulated_m, config, ranks)
+        total = total + config.association * parts["association"]
+    if outputs.depths is not None and outputs.confidence_logit is not None:
+        if outputs.candidates is not None:
+            parts["choice"] = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config, ranks)
+        if outputs.road_m is not None:
+            parts["road"] = road_loss(outputs.road_m, accumulated_m, batch.classes, ranks)
+        dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
+        parts["dense"] = single = dense_loss(dense_m, accumulated_m, max_depth_m, config, ranks)
+        # Whether a part of a batch has a single scan's truth differs, but all processes must sum up as often as the
+        # others.
+        if single_m is not None or ranks.size > 1:
+            single = dense_loss(dense_m, accumulated_m if single_m is None else single_m, max_depth_m, config, ranks)
+        parts["confidence"] = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config, ranks)
+        if config.log_depth > 0:
+            parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
+        total = total + config.choice * parts["choice"] + config.road * parts["road"] + config.single * single
+        total = total + config.accumulated * parts["dense"] + config.confidence * parts["confidence"]
+        total = total + config.log_depth * parts["log_depth"]
+    return total, {name: value.detach() for name, value in parts.items()}

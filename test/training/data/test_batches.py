@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+
+import numpy as np
+import pytest
+import torch
+
+from radcam_depth_ros.training.data.augmentation import AugmentationConfig
+from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet, collate, prefetch
+from radcam_depth_ros.training.data.samples import CachedDrive
+from radcam_depth_ros.training.errors import TrainingError
+
+
+def test_a_batch_has_the_layout_that_networks_take(drive: CachedDrive) -> None:
+    batch = collate([drive[0], drive[1]])
+    assert batch.image.shape == (2, 3, 64, 128)
+    assert batch.image.is_contiguous(memory_format=torch.channels_last)
+    assert batch.image.max() <= 1
+    assert batch.radar.shape == (2, 16, 6)
+    assert batch.valid.sum(dim=1).tolist() == [3, 3]
+    assert torch.isfinite(batch.radar[~batch.valid]).all()
+    assert batch.ground.shape == (2, 4)
+    assert batch.depth_accumulated_m.shape == (2, 1, 64, 128)
+    assert torch.isinf(batch.depth_accumulated_m[0, 0, 0, 1])
+    assert batch.classes.shape == (2, 64, 128)
+    assert batch.to(torch.device("cpu")).depth_single_m is None
+
+
+def test_a_batch_is_a_function_of_its_position(drive: CachedDrive) -> None:
+    samples = SampleSet.of([drive])
+    first, again = (BatchMaker(samples, AugmentationConfig(), 3).make(8, 2, (32, 64)) for _ in range(2))
+    other = BatchMaker(samples, AugmentationConfig(), 4).make(8, 2, (32, 64))
+    assert torch.equal(first.image, again.image)
+    assert torch.equal(first.radar.nan_to_num(), again.radar.nan_to_num())
+    assert not torch.equal(first.image, other.image)
+
+
+def test_rehearsals_are_an_even_share_of_the_samples(drive: CachedDrive) -> None:
+    samples = SampleSet.of([drive])
+    own, rehearsal = samples.split(0.5)
+    seen = []
+    for share, expected in ((0.5, [1, 1, 1, 1]), (0.25, [0, 1, 0, 1]), (0.0, [0, 0, 0, 0])):
+        maker = BatchMaker(own, AugmentationConfig(), 0, rehearsal, share)
+        drawn = [maker._sample(place).image for place in range(8)]
+        is_rehearsal = [
+            any(np.array_equal(image, other.image) for other in map(rehearsal.__getitem__, range(len(rehearsal))))
+            for image in drawn
+        ]
+        assert [sum(is_rehearsal[start : start + 2]) for start in (0, 2, 4, 6)] == expected
+        seen.append(sum(is_rehearsal))
+    assert seen == [4, 2, 0]
+
+
+def test_batches_made_ahead_come_in_order(drive: CachedDrive) -> None:
+    maker = BatchMaker(SampleSet.of([drive]), AugmentationConfig(), 0)
+    with ThreadPoolExecutor(2) as pool, closing(prefetch(maker, 4, 2, [(32, 64)], pool, 3, 2)) as batches:
+        for position in (4, 6, 8, 10, 12):
+            assert torch.equal(next(batches).image, maker.make(position, 2, (32, 64)).image)
+
+
+def test_splitting_and_spreading(drive: CachedDrive) -> None:
+    train, held_out = SampleSet.of([drive, drive]).split(0.25)
+    assert (len(train), len(held_out)) == (9, 3)
+    np.testing.assert_array_equal(held_out[2].image, drive[5].image)
+    assert train.spread(3) == (0, 4, 8)
+    assert held_out.spread(40) == (0, 1, 2)
+    assert train.largest == (64, 128)
+    with pytest.raises(TrainingError, match="no frame"):
+        SampleSet.of([])
