@@ -1,7 +1,7 @@
-"""Draws the README's opening picture: camera with radar returns, dense depth, and its points seen from above and behind.
+"""Draws the README's opening picture: camera with radar returns, dense depth, and its points from behind.
 
-Run it from the repository's root: `.venv/bin/python scripts/opening_picture.py docs/images/opening.jpg --seed 1000007 --frames 4`. The frame
-is the middle one of a simulated drive of that seed, which the networks never trained on; the depth is the default network's.
+Run it from the repository's root: `.venv/bin/python scripts/opening_picture.py docs/images/opening.jpg`. The frame is one of
+a simulated drive with a seed that no network trained on; the depth is the default network's.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def drawn_frame(seed: int, frames: int, index: int) -> tuple[Sample, DepthResult
 
 
 def seen_from_behind(points_m: FloatArray, colours: ImageArray, size: tuple[int, int]) -> ImageArray:
-    """Points in the camera's frame (N, 3) in metres, drawn from 7 m behind and 6 m above, looking down by 14 degrees."""
+    """Draws points (N, 3), metres in the camera's frame, from 7 m behind and 6 m above, looking down by 14 degrees."""
     width, height = size
     angle = np.deg2rad(14.0)
     turned = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]], np.float32)

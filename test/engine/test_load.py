@@ -41,6 +41,12 @@ def allow(monkeypatch: pytest.MonkeyPatch, *cores: int) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(cores), raising=False)
 
 
+@pytest.fixture(autouse=True)
+def _usual_priority(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever starts the tests may be nice."""
+    monkeypatch.setattr(os, "getpriority", lambda which, who: 0)
+
+
 @pytest.mark.parametrize(("priority", "low"), [(0, 0), (10, 2)])
 def test_busy_counts_all_but_idle_disk_guests_and_what_gives_way(
     write: Write, monkeypatch: pytest.MonkeyPatch, priority: int, low: int

@@ -13,7 +13,7 @@ from radcam_depth_ros.cli import app
 from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks.weights_io import archive
-from radcam_depth_ros.training.drives import cache, rehearsal
+from radcam_depth_ros.training.data import cache, rehearsal
 from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.plan import RunPlan
 from radcam_depth_ros.training.recipe import FINE_TUNING
