@@ -1,7 +1,7 @@
 """Draws the README's opening picture: camera with radar returns, dense depth, and its points from behind.
 
-Run it from the repository's root: `.venv/bin/python scripts/opening_picture.py docs/images/opening.jpg`. The frame is one of
-a simulated drive with a seed that no network trained on; the depth is the default network's.
+Run it from the repository's root: `.venv/bin/python scripts/opening_picture.py docs/images/opening.jpg`. The
+frame is of a simulated drive whose seed no network trained on; the depth is the default network's.
 """
 
 from __future__ import annotations

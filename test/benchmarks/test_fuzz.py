@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.fuzz import Fuzz
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
-from radcam_depth_ros.frame_builder import builder
+from radcam_depth_ros.frame_builder import frame_builder
 
 
 @pytest.fixture(scope="module")
