@@ -26,9 +26,9 @@ from rich.console import Console
 from demo.process import keep_to_this_machine
 from radcam_depth_ros import openmp
 from radcam_depth_ros.cli.terminal.options import write_json
-from radcam_depth_ros.cli.terminal.tables import print_table
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import NETWORK_MULTIPLE
+from radcam_depth_ros.reporting.terminal import print_table
 
 BUSY_LOOP = "while True: pass"
 WARM_UP_FRAMES = 10

@@ -31,10 +31,10 @@ from rich.console import Console
 
 from demo.process import DemoError, NodeProcess, keep_to_this_machine
 from radcam_depth_ros.cli.terminal.options import write_json
-from radcam_depth_ros.cli.terminal.tables import print_table
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node.topics.factory import build_message, message_class
+from radcam_depth_ros.reporting.terminal import print_table
 
 DEPTH = "depth/image_rect"
 INPUTS = {

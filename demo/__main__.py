@@ -21,10 +21,11 @@ from demo.recorder import Recorder
 from demo.session import Session, await_discovery, ros_node, spinning
 from radcam_depth_ros.bag_player import PlayedTopic, Player
 from radcam_depth_ros.bags import BagReader
-from radcam_depth_ros.cli.terminal.tables import print_table
-from radcam_depth_ros.evaluation.tables import Table, summary_table
+from radcam_depth_ros.evaluation.tables import summary_table
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS
+from radcam_depth_ros.reporting.table import Table
+from radcam_depth_ros.reporting.terminal import print_table
 
 IMAGE = "sensor_msgs/msg/Image"
 OUTPUTS = {DEPTH: IMAGE, CAMERA_INFO: "sensor_msgs/msg/CameraInfo", SEMI_DENSE: IMAGE, CONFIDENCE: IMAGE}

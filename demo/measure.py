@@ -13,10 +13,11 @@ from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.drive import DriveSettings, read_samples
 from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive
 from radcam_depth_ros.evaluation.panels import PanelKeeper
-from radcam_depth_ros.evaluation.report import write_report
 from radcam_depth_ros.evaluation.summary import Evaluation
-from radcam_depth_ros.evaluation.tables import Fact, Table, tables_of
+from radcam_depth_ros.evaluation.tables import tables_of
 from radcam_depth_ros.pipeline import OUTPUT_TOPICS
+from radcam_depth_ros.reporting.page import write_report
+from radcam_depth_ros.reporting.table import Fact, Table
 from radcam_depth_ros.viewing import RecordedDepth
 
 DEPTH = f"/{OUTPUT_TOPICS['depth']}"

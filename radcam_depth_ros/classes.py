@@ -1,4 +1,4 @@
-"""What a pixel can show: the 19 classes of Cityscapes, and the three parts of a driving scene that they make."""
+"""The 19 classes of Cityscapes ([Cordts2016]), and the three parts of a driving scene that they make."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CLASS_GROUPS = {
         *("car", "truck", "bus", "train", "motorcycle", "bicycle"),
     ),
 }
-"""The three categories of a driving scene (Sensors 2023, section 3), made of the 19 classes by what is like what."""
+"""The three categories of a driving scene ([Li2023], section 3), made of the 19 classes by what is like what."""
 
 GROUP_OF_CLASS = tuple(
     next(index for index, group in enumerate(CLASS_GROUPS.values()) if name in group) for name in CLASS_NAMES

@@ -15,8 +15,8 @@ import torch
 import torch._dynamo
 from torch import Tensor, nn
 
-from radcam_depth_ros.evaluation import report
 from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, registry
+from radcam_depth_ros.reporting import page
 from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.data.batches import SampleSet
 from radcam_depth_ros.training.data.samples import CachedDrive
@@ -135,7 +135,7 @@ def train_here(
 
     if "RANK" not in environment:
         fit.networks.create = create_joint
-    report.draw_plot = lambda plot: b"<svg/>"  # the plots of its page would take most of its time
+    page.draw_plot = lambda plot: b"<svg/>"  # the plots of its page would take most of its time
     registry._NETWORKS["miniature"] = Miniature
     criterion._KINDS["miniature"] = criterion._KINDS["baff"]
     torch.set_num_threads(1)

@@ -5,10 +5,12 @@ import array
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from radcam_depth_ros.frame import CameraModel, FrameError, Lens
 from radcam_depth_ros.geometry import CanonicalCamera
-from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, rectify, resample_image
+from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, rectify, resample_image, spread_nearest
 
 FOCAL = 630.0
 NUSCENES = CameraModel(1600, 900, 1266.0, 1266.0, 816.0, 491.5)
@@ -99,3 +101,28 @@ def test_what_comes_back_lies_in_memory_that_a_message_takes() -> None:
 def test_a_lens_with_too_few_numbers_is_refused() -> None:
     with pytest.raises(FrameError, match="9 numbers of K and 9 of R, got 4 and 9"):
         Lens((1.0, 0.0, 0.0, 1.0))
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), count=st.integers(1, 40))
+def test_values_spread_to_the_nearest_pixels(seed, count):
+    generator = np.random.default_rng(seed)
+    values = np.full((40, 60), np.nan, np.float32)
+    rows, columns = generator.integers(0, 40, count), generator.integers(0, 60, count)
+    values[rows, columns] = generator.uniform(1, 80, count).astype(np.float32)
+    spread, distance = spread_nearest(values)
+    known = np.isfinite(values)
+    np.testing.assert_array_equal(spread[known], values[known])
+    v, u = np.mgrid[:40, :60]
+    seeds = np.argwhere(known)
+    exact = np.hypot(v[..., None] - seeds[:, 0], u[..., None] - seeds[:, 1])
+    np.testing.assert_allclose(distance, exact.min(axis=2), rtol=0.03, atol=1e-3)
+    # What a pixel was given lies no farther than the nearest value, within the transform's accuracy.
+    given_by = np.where(values[seeds[:, 0], seeds[:, 1]] == spread[..., None], exact, np.inf).min(axis=2)
+    assert (given_by <= exact.min(axis=2) * 1.06 + 1e-3).all()
+
+
+def test_nothing_spreads_from_nothing():
+    spread, distance = spread_nearest(np.full((4, 5), np.nan, np.float32))
+    assert np.isnan(spread).all()
+    assert np.isinf(distance).all()

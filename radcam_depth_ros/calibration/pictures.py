@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import cv2
@@ -10,10 +9,16 @@ import numpy as np
 
 from radcam_depth_ros.calibration.evidence import in_image, thinned
 from radcam_depth_ros.calibration.recording import Recording, View
-from radcam_depth_ros.evaluation.panels import FAR_M, NEAR_M, TILE_WIDTH, draw_radar
 from radcam_depth_ros.frame import FloatArray, GroundPlane, ImageArray
 from radcam_depth_ros.geometry import ground_coefficients, project
-from radcam_depth_ros.messages import colorise
+from radcam_depth_ros.reporting.pictures import (
+    BACKGROUND,
+    DEPTH_TICKS_M,
+    TEXT,
+    TILE_WIDTH,
+    draw_depth_scale,
+    draw_radar,
+)
 from radcam_depth_ros.resampling import rectify
 
 _ROAD_LINES_M = (10.0, 20.0, 40.0)
@@ -21,8 +26,7 @@ _HALF_LANE_M = 1.75
 _MOST_DRAWN = 3000
 _LEAST_WIDTH = 640
 _BAR_PX, _TITLE_PX = 34, 24
-_BACKGROUND, _TEXT, _HORIZON, _ROAD = 24, (225, 225, 225), (255, 255, 255), (255, 0, 255)
-_TICKS_M = (2, 5, 10, 20, 40, 80)
+_HORIZON, _ROAD = (255, 255, 255), (255, 0, 255)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -53,11 +57,11 @@ def _tile(topic: str, what: str, image: ImageArray, view: View, points_m: FloatA
     enlarged = cv2.resize(image, None, fx=larger, fy=larger, interpolation=cv2.INTER_NEAREST)
     canvas = draw_radar(np.asarray(enlarged, np.uint8), uv[seen] * np.float32(larger), depth_m[seen])
     _draw_road(canvas, view)
-    title: Any = np.full((_TITLE_PX, canvas.shape[1], 3), _BACKGROUND, np.uint8)
+    title: Any = np.full((_TITLE_PX, canvas.shape[1], 3), BACKGROUND, np.uint8)
     share = len(np.flatnonzero(in_image(points_m, camera))) / max(1, len(points_m))
     behind = float((depth_m <= 0).mean()) if len(points_m) else 0.0
     words = f"{topic}: {len(points_m)} {what}, {share:.0%} in the image, {behind:.0%} behind the camera"
-    cv2.putText(title, words, (6, 17), _FONT, 0.45, _TEXT, 1, cv2.LINE_AA)
+    cv2.putText(title, words, (6, 17), _FONT, 0.45, TEXT, 1, cv2.LINE_AA)
     return [title, canvas]
 
 
@@ -81,15 +85,11 @@ def _draw_road(canvas: ImageArray, view: View) -> None:
 
 
 def _scale(width: int, ground: GroundPlane) -> ImageArray:
-    bar: Any = np.full((_BAR_PX, width, 3), _BACKGROUND, np.uint8)
+    bar: Any = np.full((_BAR_PX, width, 3), BACKGROUND, np.uint8)
     left, right = width // 2, width - 30
-    colours_m = np.geomspace(NEAR_M, FAR_M, right - left, dtype=np.float32)[None]
-    bar[4:14, left:right] = colorise(colours_m, NEAR_M, FAR_M)
-    for tick_m in _TICKS_M:
-        place = left + round(math.log(tick_m / NEAR_M) / math.log(FAR_M / NEAR_M) * (right - left - 1))
-        bar[14:18, place] = _TEXT
-        cv2.putText(bar, str(tick_m), (place - 4 * len(str(tick_m)), 30), _FONT, 0.38, _TEXT, 1, cv2.LINE_AA)
+    for tick_m, place in zip(DEPTH_TICKS_M, draw_depth_scale(bar, left, right, rows=10), strict=True):
+        cv2.putText(bar, str(tick_m), (place - 4 * len(str(tick_m)), 30), _FONT, 0.38, TEXT, 1, cv2.LINE_AA)
     road = "the flat road" if ground.is_known else "the road as assumed: 1.4 m below a level camera"
     if width >= TILE_WIDTH // 2:
-        cv2.putText(bar, f"depth in m; white: horizon, violet: {road}", (6, 20), _FONT, 0.36, _TEXT, 1, cv2.LINE_AA)
+        cv2.putText(bar, f"depth in m; white: horizon, violet: {road}", (6, 20), _FONT, 0.36, TEXT, 1, cv2.LINE_AA)
     return np.asarray(bar, np.uint8)

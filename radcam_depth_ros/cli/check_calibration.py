@@ -11,7 +11,7 @@ from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import Bag, ImageOption, JsonOption, RadarOption, progress_bar, write_json
-from radcam_depth_ros.cli.terminal.tables import print_table
+from radcam_depth_ros.reporting.terminal import print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.calibration import Report, SensorReport

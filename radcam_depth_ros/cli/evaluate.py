@@ -28,7 +28,7 @@ from radcam_depth_ros.cli.terminal.options import (
     progress_bar,
     write_json,
 )
-from radcam_depth_ros.cli.terminal.tables import print_table
+from radcam_depth_ros.reporting.terminal import print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings, Sample
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from radcam_depth_ros.evaluation.frames import FrameLog
     from radcam_depth_ros.evaluation.panels import PanelKeeper
     from radcam_depth_ros.evaluation.summary import Evaluation
-    from radcam_depth_ros.evaluation.tables import Fact, Table
+    from radcam_depth_ros.reporting.table import Fact, Table
 
 
 def evaluate(
@@ -80,7 +80,8 @@ def evaluate(
     from radcam_depth_ros.evaluation.frames import FrameLog
     from radcam_depth_ros.evaluation.metrics import EvaluationError
     from radcam_depth_ros.evaluation.panels import PanelKeeper
-    from radcam_depth_ros.evaluation.tables import Fact, distance_table, facts_of, summary_table
+    from radcam_depth_ros.evaluation.tables import distance_table, facts_of, summary_table
+    from radcam_depth_ros.reporting.table import Fact
 
     wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
     node = node_parameters(
@@ -217,7 +218,7 @@ def _listed(sources: Sequence[_Source]) -> str:
 def _without_truth(evaluation: Evaluation) -> Iterator[Fact]:
     """Names bags that were read and say nothing: one among many would else go unnoticed."""
     from radcam_depth_ros.evaluation.groups import BAG
-    from radcam_depth_ros.evaluation.tables import Fact
+    from radcam_depth_ros.reporting.table import Fact
 
     groups = [group for entry in evaluation.groupings if entry.name == BAG for group in entry.groups]
     idle = [group.name for group in groups if not group.dense.frames]
@@ -229,8 +230,8 @@ def _write_report(
     path: Path, title: str, evaluation: Evaluation, facts: Sequence[Fact], log: FrameLog, keeper: PanelKeeper
 ) -> None:
     from radcam_depth_ros.evaluation.plots import plots_of
-    from radcam_depth_ros.evaluation.report import write_report
     from radcam_depth_ros.evaluation.tables import tables_of
+    from radcam_depth_ros.reporting.page import write_report
 
     tables = (*tables_of(evaluation), log.worst_table())
     write_report(path, title, facts, tables, keeper.panels(), plots_of(evaluation))

@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.options import JsonOption, write_json
-from radcam_depth_ros.cli.terminal.tables import print_table
+from radcam_depth_ros.reporting.terminal import print_table
 
 
 def networks(json_target: JsonOption = None) -> None:

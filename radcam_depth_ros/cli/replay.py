@@ -22,7 +22,7 @@ from radcam_depth_ros.cli.terminal.options import (
     load_estimator,
     progress_bar,
 )
-from radcam_depth_ros.cli.terminal.tables import print_table
+from radcam_depth_ros.reporting.terminal import print_table
 
 
 def replay(

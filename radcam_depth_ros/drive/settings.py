@@ -24,7 +24,7 @@ class DriveWarning(UserWarning):
 
 @dataclass(frozen=True)
 class AccumulationConfig:
-    """How LiDAR scans before and after an image become one denser ground truth (METHODS, d_acc).
+    """How LiDAR scans before and after an image become one denser ground truth (d_acc).
 
     Attributes:
         scans: At most so many before the image, and so many after it.

@@ -19,6 +19,7 @@ import numpy as np
 
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FloatArray, Frame, GroundPlane, RadarReturns
 from radcam_depth_ros.geometry import depth_image, ground_coefficients
+from radcam_depth_ros.resampling import spread_nearest
 
 BASELINES = ("ground_nearest", "camera_only", "radar_interpolation")
 FARTHEST_M = 100.0
@@ -53,30 +54,6 @@ def flat_road(camera: CameraModel, ground: GroundPlane, farthest_m: float = FART
     inverse = columns[None, :] + rows[:, None]
     road: FloatArray = np.reciprocal(np.maximum(inverse, np.float32(1.0 / farthest_m)))
     return road
-
-
-def spread_nearest(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gives every pixel the value of the pixel with a value that is nearest in the image.
-
-    OpenCV's distance transform with a 5 x 5 mask: distances are right to about 2 %, so a pixel nearly halfway between
-    two values may get the other one. An exact search takes 50 times as long.
-
-    Args:
-        values: (H, W) float32, NaN where there is none.
-
-    Returns:
-        The values (H, W) float32, all NaN when there was none, and the distance to where they come from, (H, W) float32
-        pixels.
-    """
-    has_value = np.isfinite(values)
-    if not has_value.any():
-        return np.full_like(values, np.nan), np.full_like(values, np.inf)
-    distance, label = cv2.distanceTransformWithLabels(
-        np.where(has_value, np.uint8(0), np.uint8(1)), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    of_label = np.zeros(int(label.max()) + 1, np.float32)
-    of_label[label[has_value]] = values[has_value]
-    return of_label[label], distance
 
 
 def nearest_return(frame: Frame) -> FloatArray:

@@ -1,6 +1,6 @@
 """The measures of a depth image against ground truth, taken per frame and then averaged over frames.
 
-Definitions follow the literature of this field (Eigen et al. 2014; ranges as in RC-PDA and its successors): ground
+Definitions follow the literature of this field ([Eigen2014]; ranges as in [Long2021] and its successors): ground
 truth within (0, R] metres, predictions clipped to the same range.
 """
 

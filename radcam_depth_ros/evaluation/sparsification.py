@@ -1,6 +1,6 @@
 """What a confidence is worth: the error of what is left when the least confident pixels are taken away.
 
-Sparsification curves as in Ilg et al. 2018: the error of the remaining pixels over the share that is taken away, beside
+Sparsification curves as in [Ilg2018]: the error of the remaining pixels over the share that is taken away, beside
 an oracle that knows the errors and takes away the largest first. The area between the two (AUSE) is 0 for a confidence
 that orders pixels as their errors do.
 """

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import SCENARIO, Grouping
-from radcam_depth_ros.evaluation.metrics import DepthMetrics, EvaluationError
+from radcam_depth_ros.evaluation.metrics import DepthMetrics
 from radcam_depth_ros.evaluation.summary import Evaluation
+from radcam_depth_ros.reporting.table import Fact, Table, number
 
 DENSE, SEMI_DENSE = "dense", "semi-dense"
 BASELINE_TITLES = {
@@ -45,43 +44,6 @@ _HEIGHT_SOURCES = {
     "given": "as given",
     "assumed": "assumed: the drive does not say",
 }
-
-
-@dataclass(frozen=True)
-class Fact:
-    """One line of what a result was made with."""
-
-    name: str
-    value: str
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of text.
-
-    Attributes:
-        title: Above it.
-        columns: Headings; the first column names the row.
-        rows: Cells, as many a row as there are columns.
-        note: Below it; what its terms mean.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.columns):
-                raise EvaluationError(
-                    f"table {self.title!r} has {len(self.columns)} columns, but {len(row)} cells: {row}"
-                )
-
-
-def number(value: float, digits: int = 2) -> str:
-    """A number for a cell; a dash where there is none."""
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def summary_table(evaluation: Evaluation) -> Table:

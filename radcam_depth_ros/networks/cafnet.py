@@ -1,8 +1,4 @@
-"""`cafnet`: radar confidence first, then fusion gated by it.
-
-"CaFNet: A Confidence-Driven Framework for Radar Camera Depth Estimation" (2024), as the teacher of "LiRCDepth:
-Lightweight Radar-Camera Depth Estimation via Knowledge Distillation and Uncertainty Guidance" (2025) has it.
-"""
+"""`cafnet`: radar confidence first, then fusion gated by it ([Sun2024], in the form of the teacher of [Sun2025])."""
 
 from dataclasses import dataclass
 from types import MappingProxyType

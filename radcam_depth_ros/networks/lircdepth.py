@@ -1,7 +1,4 @@
-"""`lircdepth`: a light network that learns from a larger one.
-
-"LiRCDepth: Lightweight Radar-Camera Depth Estimation via Knowledge Distillation and Uncertainty Guidance" (2025).
-"""
+"""`lircdepth`: a light network that learns from a larger one ([Sun2025])."""
 
 from dataclasses import dataclass
 from types import MappingProxyType

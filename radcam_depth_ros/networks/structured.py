@@ -1,7 +1,6 @@
 """`structured`: an image branch and a radar branch, and a depth decoder for each part of a driving scene.
 
-"Radar-Camera Fusion Network for Depth Estimation in Structured Driving Scenes", Sensors 2023. Section and figure
-numbers in comments are of that paper.
+Section and figure numbers in comments are those of [Li2023].
 """
 
 from dataclasses import dataclass

@@ -122,7 +122,7 @@ def _imagenet() -> Path:
 def blend(network: nn.Module, initial: Mapping[str, Tensor], share: float) -> None:
     """Moves a network's weights and statistics towards others, by `share` of the way.
 
-    Between fine-tuned weights and those they came from lie weights that know both (WiSE-FT, Wortsman et al. 2022).
+    Between fine-tuned weights and those they came from lie weights that know both (WiSE-FT, [Wortsman2022]).
     """
     for name, value in network.state_dict().items():
         if value.is_floating_point():

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from radcam_depth_ros.evaluation.panels import Panel
-from radcam_depth_ros.evaluation.plots import Curve, Plot
-from radcam_depth_ros.evaluation.report import write_report
-from radcam_depth_ros.evaluation.tables import Fact
 from radcam_depth_ros.networks import Network
+from radcam_depth_ros.reporting.page import write_report
+from radcam_depth_ros.reporting.panel import Panel
+from radcam_depth_ros.reporting.plot import Curve, Plot
+from radcam_depth_ros.reporting.table import Fact
 from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.validation import predict

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import cv2
 import numpy as np
 
-from radcam_depth_ros.evaluation.panels import FAR_M, NEAR_M, draw_depth, draw_radar
 from radcam_depth_ros.frame import DepthResult, Frame, ImageArray, RadcamDepthError
 from radcam_depth_ros.geometry import project
-from radcam_depth_ros.messages import colorise
 from radcam_depth_ros.pipeline import image_at
+from radcam_depth_ros.reporting.pictures import (
+    BACKGROUND,
+    DEPTH_TICKS_M,
+    TEXT,
+    draw_depth,
+    draw_depth_scale,
+    draw_radar,
+)
 
 TILES = 3
 SMALLEST_WIDTH = 480
 _CAPTION_PX, _FOOTER_PX, _GAP_PX = 26, 40, 4
-_BACKGROUND, _TEXT = 24, (225, 225, 225)
-_TICKS_M = (2, 5, 10, 20, 40, 80)
 _FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 
@@ -62,7 +65,7 @@ def _tile(title: str, image: ImageArray, width: int) -> ImageArray:
     height = max(1, round(image.shape[0] * width / image.shape[1]))
     enlarged = width > image.shape[1]
     resized = cv2.resize(image, (width, height), interpolation=cv2.INTER_NEAREST if enlarged else cv2.INTER_AREA)
-    tile = np.full((_CAPTION_PX + height, width + _GAP_PX, 3), _BACKGROUND, np.uint8)
+    tile = np.full((_CAPTION_PX + height, width + _GAP_PX, 3), BACKGROUND, np.uint8)
     _write(tile[:_CAPTION_PX], title, 6)
     tile[_CAPTION_PX:, :width] = resized
     return tile
@@ -70,24 +73,20 @@ def _tile(title: str, image: ImageArray, width: int) -> ImageArray:
 
 def _footer(frame: Frame, width: int) -> ImageArray:
     """Stamp and returns on the left, the colours of depth on the right."""
-    footer = np.full((_FOOTER_PX, width, 3), _BACKGROUND, np.uint8)
+    footer = np.full((_FOOTER_PX, width, 3), BACKGROUND, np.uint8)
     _write(footer, f"{frame.stamp_ns / 1e9:.3f} s, {len(frame.radar)} radar returns", 6)
     left, right = width - width // TILES + 10, width - 30
-    scale_m = np.geomspace(NEAR_M, FAR_M, right - left, dtype=np.float32)[None]
-    footer[4:16, left:right] = colorise(scale_m, NEAR_M, FAR_M)
+    columns = draw_depth_scale(footer, left, right, rows=12)
     free = width  # columns that no number has yet
-    for tick_m in reversed(_TICKS_M):
-        share = math.log(tick_m / NEAR_M) / math.log(FAR_M / NEAR_M)
-        column = left + round(share * (right - left - 1))
-        footer[16:20, column] = _TEXT
-        text = f"{tick_m} m" if tick_m == _TICKS_M[-1] else str(tick_m)
+    for tick_m, column in reversed(tuple(zip(DEPTH_TICKS_M, columns, strict=True))):
+        text = f"{tick_m} m" if tick_m == DEPTH_TICKS_M[-1] else str(tick_m)
         start = column - 4 * len(text)
         if start + 8 * len(text) <= free:
-            cv2.putText(footer, text, (start, 34), _FONT, 0.4, _TEXT, 1, cv2.LINE_AA)
+            cv2.putText(footer, text, (start, 34), _FONT, 0.4, TEXT, 1, cv2.LINE_AA)
             free = start - 4
     return footer
 
 
 def _write(canvas: Any, text: str, left: int) -> None:
     baseline = canvas.shape[0] // 2 + 5
-    cv2.putText(canvas, text, (left, baseline), _FONT, _FONT_SCALE, _TEXT, 1, cv2.LINE_AA)
+    cv2.putText(canvas, text, (left, baseline), _FONT, _FONT_SCALE, TEXT, 1, cv2.LINE_AA)

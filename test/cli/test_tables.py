@@ -28,8 +28,6 @@ from radcam_depth_ros.cli.check_calibration import _print_places
 from radcam_depth_ros.cli.evaluate import _print as print_evaluation
 from radcam_depth_ros.cli.networks import networks
 from radcam_depth_ros.cli.terminal import bench_tables, inspect_tables
-from radcam_depth_ros.cli.terminal.tables import print_table
-from radcam_depth_ros.evaluation.tables import Fact, Table
 from radcam_depth_ros.inspection.report import (
     CameraFacts,
     CloudFacts,
@@ -40,6 +38,8 @@ from radcam_depth_ros.inspection.report import (
     Report,
     TopicFacts,
 )
+from radcam_depth_ros.reporting.table import Fact, Table
+from radcam_depth_ros.reporting.terminal import print_table
 
 WIDTH = 80
 LINES = re.compile(r"[\u2500-\u257f]")

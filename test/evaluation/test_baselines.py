@@ -16,7 +16,6 @@ from radcam_depth_ros.evaluation.baselines import (
     known_or_assumed_ground,
     nearest_return,
     radar_interpolation,
-    spread_nearest,
     without_radar,
 )
 from radcam_depth_ros.evaluation.metrics import DepthAccumulator, DepthRange
@@ -95,31 +94,6 @@ def test_a_height_that_nobody_knows_is_given_or_assumed():
     np.testing.assert_array_equal(
         ground_nearest(frame_with(ground=GroundPlane()), 1.5), ground_nearest(frame_with(ground=GROUND))
     )
-
-
-@settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10_000), count=st.integers(1, 40))
-def test_values_spread_to_the_nearest_pixels(seed, count):
-    generator = np.random.default_rng(seed)
-    values = np.full((40, 60), np.nan, np.float32)
-    rows, columns = generator.integers(0, 40, count), generator.integers(0, 60, count)
-    values[rows, columns] = generator.uniform(1, 80, count).astype(np.float32)
-    spread, distance = spread_nearest(values)
-    known = np.isfinite(values)
-    np.testing.assert_array_equal(spread[known], values[known])
-    v, u = np.mgrid[:40, :60]
-    seeds = np.argwhere(known)
-    exact = np.hypot(v[..., None] - seeds[:, 0], u[..., None] - seeds[:, 1])
-    np.testing.assert_allclose(distance, exact.min(axis=2), rtol=0.03, atol=1e-3)
-    # What a pixel was given lies no farther than the nearest value, within the transform's accuracy.
-    given_by = np.where(values[seeds[:, 0], seeds[:, 1]] == spread[..., None], exact, np.inf).min(axis=2)
-    assert (given_by <= exact.min(axis=2) * 1.06 + 1e-3).all()
-
-
-def test_nothing_spreads_from_nothing():
-    spread, distance = spread_nearest(np.full((4, 5), np.nan, np.float32))
-    assert np.isnan(spread).all()
-    assert np.isinf(distance).all()
 
 
 @settings(max_examples=30, deadline=None)

@@ -9,7 +9,7 @@ from rich.console import Console
 from radcam_depth_ros.benchmarking.figures import AgainstFigures, PairFigures, Report, SizeFigures, StageFigures
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT
 from radcam_depth_ros.benchmarking.stages import GFLOP_COUNTING
-from radcam_depth_ros.cli.terminal.tables import print_table
+from radcam_depth_ros.reporting.terminal import print_table
 
 COLUMNS = ("median ms", "p99 ms", "GFLOP", "of best", "MiB")
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from rich.console import Console
 
-from radcam_depth_ros.cli.terminal.tables import print_table
 from radcam_depth_ros.inspection import CameraFacts, CloudFacts, Report, TopicFacts
+from radcam_depth_ros.reporting.terminal import print_table
 
 _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 

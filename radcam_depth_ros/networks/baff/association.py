@@ -1,4 +1,4 @@
-"""Stage 1 of `baff`: which pixels belong to which radar return (Electronics 2025, section 3.2).
+"""Stage 1 of `baff`: which pixels belong to which radar return ([Electronics2025], section 3.2).
 
 Two forms. The paper's, a decoder pass over each return's region of the image, is in `regions`. `EmbeddingAssociation`
 costs one decoder pass however many returns there are: each pixel and each return get a vector, and

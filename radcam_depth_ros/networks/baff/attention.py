@@ -1,4 +1,4 @@
-"""Channel and position attention (Electronics 2025, section 3.5; after Fu et al., dual attention, 2019)."""
+"""Channel and position attention ([Electronics2025], section 3.5, after [Fu2019])."""
 
 import torch
 from torch import Tensor, nn
@@ -47,7 +47,7 @@ class PositionAttention(nn.Module):
             # At least two rows and columns: torch.export takes a size of 1 for fixed.
             rows, columns = (x.shape[2] - 1) // self.pool + 1, (x.shape[3] - 1) // self.pool + 1
             source = functional.adaptive_avg_pool2d(x, (max(rows, 2), max(columns, 2)))
-        # Deviation: logits are divided by the square root of the width (Vaswani et al. 2017), as the fused attention
+        # Deviation: logits are divided by the square root of the width ([Vaswani2017]), as the fused attention
         # does by default; without it the softmax saturates in bfloat16.
         attended = functional.scaled_dot_product_attention(
             _tokens(self.query(x)).unsqueeze(1),

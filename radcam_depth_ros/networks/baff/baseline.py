@@ -1,4 +1,4 @@
-"""`baseline`: what the papers compare with, RadarNet and FusionNet alike; two stages without attention."""
+"""`baseline`: two stages without attention, like RadarNet and FusionNet ([Singh2023])."""
 
 from dataclasses import dataclass
 

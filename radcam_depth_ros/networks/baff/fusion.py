@@ -1,4 +1,4 @@
-"""Stage 2 of `baff`: gates, bidirectional fusion, parallel attention (Electronics 2025, sections 3.3 to 3.5)."""
+"""Stage 2 of `baff`: gates, bidirectional fusion, parallel attention ([Electronics2025], sections 3.3 to 3.5)."""
 
 import itertools
 
@@ -11,7 +11,7 @@ from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 
 
 class Gate(nn.Module):
-    """P_i = Conv1x1(I_f + D_f * sigmoid(Conv(D_f))), equations 3 and 4; the sigmoid is METHODS A's reading.
+    """P_i = Conv1x1(I_f + D_f * sigmoid(Conv(D_f))), [Electronics2025], eq. 3 and 4, which names no sigmoid.
 
     Args:
         channels: Of both maps.
@@ -45,7 +45,7 @@ class Gates(nn.Module):
 
 
 class UpConv(nn.Module):
-    """Conv(Up(x)) plus a finer map, equations 5 and 7; or Up(Conv(x)), a quarter of the cost."""
+    """Conv(Up(x)) plus a finer map, [Electronics2025], eq. 5 and 7; or Up(Conv(x)), a quarter of the cost."""
 
     def __init__(self, in_channels: int, out_channels: int, coarse: bool) -> None:
         super().__init__()
@@ -81,7 +81,7 @@ class BidirectionalFusion(nn.Module):
             )
 
     def forward(self, fused: list[Tensor]) -> list[Tensor]:
-        # F_n = P_n; F_i = Conv(Up(F_{i+1})) + P_i, equation 5; F_n itself is not needed after.
+        # F_n = P_n; F_i = Conv(Up(F_{i+1})) + P_i, eq. 5; F_n itself is not needed after.
         last = len(fused) - 1
         x = fused[last]
         down: list[Tensor] = []
@@ -90,7 +90,7 @@ class BidirectionalFusion(nn.Module):
             down.insert(0, x)
         if len(self.bottom_up) == 0:
             return down
-        # F'_1 = Conv(F_1) + P_1; F'_i = Conv(Down(F'_{i-1})) + F_i + P_i, equation 6.
+        # F'_1 = Conv(F_1) + P_1; F'_i = Conv(Down(F'_{i-1})) + F_i + P_i, eq. 6.
         x = down[0]
         maps: list[Tensor] = []
         for index, conv in enumerate(self.bottom_up):
@@ -102,7 +102,7 @@ class BidirectionalFusion(nn.Module):
 
 
 class Refinement(nn.Module):
-    """A_i = Conv(Up(A_{i+1})) + CA(F'_i) + PA(F'_i), equation 7.
+    """A_i = Conv(Up(A_{i+1})) + CA(F'_i) + PA(F'_i), [Electronics2025], eq. 7.
 
     Args:
         channels: Of the levels, finest first.

@@ -1,7 +1,6 @@
 """`baff`: radar-pixel association, bidirectional fusion and parallel attention.
 
-"Depth Estimation Based on MMwave Radar and Camera Fusion with Attention Mechanisms and Multi-Scale Features for
-Autonomous Driving Vehicles", Electronics 2025. Section and equation numbers in comments are of that paper.
+Section and equation numbers in comments are those of [Electronics2025].
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Stage 1 of `baff` in the paper's form: a decoder pass over each return's region of the image (section 3.2)."""
+"""Stage 1 of `baff` in the paper's form: a decoder pass over each return's region ([Electronics2025], section 3.2)."""
 
 from typing import Final
 

@@ -6,11 +6,11 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.layers.number_formats import InFloat32
 
-LEAK = 0.2  # METHODS A gives leaky ReLU 0.2 for the public baseline; the paper names no slope.
+LEAK = 0.2  # The slope of the public implementation of [Singh2023]; [Electronics2025] names none.
 
 
 class InstanceNorm(nn.GroupNorm):
-    """Instance norm: by each image's own mean and variance (Ulyanov et al. 2016), in float32.
+    """Instance norm: by each image's own mean and variance ([Ulyanov2016]), in float32.
 
     A single image in evaluation gets statistics that are the same to the digit for any number of threads, so that a
     node that takes fewer threads beside other work gives the same depth: the mean of a channel is one thread's, while
@@ -64,7 +64,7 @@ class Projection(nn.Sequential):
 
 
 class ResidualBlock(nn.Module):
-    """Two 3x3 convolutions and a shortcut (He et al. 2016, basic block)."""
+    """Two 3x3 convolutions and a shortcut ([He2016], basic block)."""
 
     def __init__(self, in_channels: int, out_channels: int, stride: int = 1, instance: bool = False) -> None:
         super().__init__()
@@ -122,7 +122,7 @@ class QuarterEncoder(nn.Module):
         blocks: Residual blocks at each of these.
         context: Channels of other maps of the image that join at 1/8, 1/16 and 1/32; none by default.
         instance_norm: On how many levels, finest first, norms go by each image's own statistics, so that these levels
-            carry none of the pictures that they were trained on: IBN-Net (Pan et al. 2018). From 1 on, the stem's, too.
+            carry none of the pictures that they were trained on: IBN-Net ([Pan2018]). From 1 on, the stem's, too.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""MobileNetV2 (Sandler et al. 2018) without its classifier, with the parameter names of torchvision's checkpoints."""
+"""MobileNetV2 ([Sandler2018]) without its classifier, with the parameter names of torchvision's checkpoints."""
 
 import torch
 from torch import Tensor, nn

@@ -1,4 +1,4 @@
-"""The decoder of BTS: depth by local planar guidance ("From Big to Small", Lee et al. 2019), with radar joining in."""
+"""The decoder of BTS: depth by local planar guidance ([Lee2019]), with radar joining in."""
 
 import math
 

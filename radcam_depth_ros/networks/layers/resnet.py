@@ -1,4 +1,4 @@
-"""ResNet-18 and ResNet-34 (He et al. 2016) without their classifier, with the parameter names of torchvision's."""
+"""ResNet-18 and ResNet-34 ([He2016]) without their classifier, with the parameter names of torchvision's."""
 
 import torch
 from torch import Tensor, nn

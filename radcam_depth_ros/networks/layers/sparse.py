@@ -1,4 +1,4 @@
-"""Convolutions of images in which few pixels are known (Uhrig et al. 2017, "Sparsity Invariant CNNs")."""
+"""Convolutions of images in which few pixels are known ([Uhrig2017])."""
 
 import torch
 from torch import Tensor, nn

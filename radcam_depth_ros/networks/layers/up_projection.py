@@ -1,4 +1,4 @@
-"""Up-projection (Laina et al. 2016): decoders that double a map's size with residual blocks."""
+"""Up-projection ([Laina2016]): decoders that double a map's size with residual blocks."""
 
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ LEVELS = 4
 
 
 class UpProjection(nn.Module):
-    """Doubles the size: a map is unpooled, and two branches of it are summed (Sensors 2023, figure 8).
+    """Doubles the size: a map is unpooled, and two branches of it are summed ([Li2023], figure 8).
 
     Unpooling puts each value into the upper left of 2 x 2 pixels with zeros beside. A 5x5 convolution of that is a
     transposed one of the map before, which leaves out the products with zeros: a quarter of the work. That of both

@@ -1,4 +1,4 @@
-"""What `cafnet` is trained to: stage 1's depth and confidence, and the dense depth (METHODS C)."""
+"""What `cafnet` is trained to: stage 1's depth and confidence, and the dense depth ([Sun2024])."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from radcam_depth_ros.training.losses.rectified import RectifiedLossConfig, dens
 class CafnetLossConfig(RectifiedLossConfig):
     """Weights and thresholds of the losses, besides those of the dense depth.
 
-    The paper's weights are not in METHODS; `coarse` and `confidence` are those of the public baseline.
+    `coarse` and `confidence` are those of the public implementation of [Sun2024].
 
     Attributes:
         coarse: Weight of the L1 of stage 1's depth.

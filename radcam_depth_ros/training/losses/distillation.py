@@ -1,4 +1,4 @@
-"""One network learns from another: losses between their maps (LiRCDepth 2025, equations 1 to 5; METHODS C)."""
+"""One network learns from another: losses between their maps ([Sun2025], eq. 1 to 5)."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def distillation_loss(
 
 
 def feature_loss(student: Sequence[Tensor], teacher: Sequence[Tensor], name: str, ranks: Ranks = ALONE) -> Tensor:
-    """Mean absolute difference of maps, halved from scale to scale beginning with 1/2 (equation 1).
+    """Mean absolute difference of maps, halved from scale to scale beginning with 1/2 (eq. 1).
 
     The mean stands for the paper's norm, which would count the number of a map's values as well.
     """
@@ -109,7 +109,7 @@ def feature_loss(student: Sequence[Tensor], teacher: Sequence[Tensor], name: str
 
 
 def similarity_loss(student: Sequence[Tensor], teacher: Sequence[Tensor], cells: int, ranks: Ranks = ALONE) -> Tensor:
-    """Squared difference of how alike places are, halved from scale to scale in the order of decoding (equation 3).
+    """Squared difference of how alike places are, halved from scale to scale in the order of decoding (eq. 3).
 
     Maps are pooled to `cells` x `cells` places first (their means), since the matrix of all pairs of pixels of a whole
     image has up to 1e12 entries.
@@ -126,7 +126,7 @@ def similarity_loss(student: Sequence[Tensor], teacher: Sequence[Tensor], cells:
 def inter_depth_loss(
     student_m: Sequence[Tensor], teacher_m: Sequence[Tensor], beta: float, ranks: Ranks = ALONE
 ) -> Tensor:
-    """Absolute difference of depths weighted by their uncertainty, halved in the order of decoding (equation 5).
+    """Absolute difference of depths weighted by their uncertainty, halved in the order of decoding (eq. 5).
 
     The uncertainty is a weight and passes no gradient.
     """
@@ -140,7 +140,7 @@ def inter_depth_loss(
 
 
 def _similarities(x: Tensor, cells: int) -> Tensor:
-    """Cosines between places, (B, cells cells, cells cells) (equation 2)."""
+    """Cosines between places, (B, cells cells, cells cells) (eq. 2)."""
     places = functional.adaptive_avg_pool2d(x.float(), cells).flatten(2)
     places = functional.normalize(places, dim=1)
     return places.transpose(1, 2) @ places

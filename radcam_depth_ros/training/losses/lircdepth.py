@@ -1,4 +1,4 @@
-"""What `lircdepth` is trained to (LiRCDepth 2025, METHODS C), but for distillation: see `distillation`.
+"""What `lircdepth` is trained to ([Sun2025]), but for distillation: see `distillation`.
 
 `inter_depth` is not in the paper and is off by default.
 """

@@ -1,6 +1,6 @@
 """Depth losses of `cafnet` and `lircdepth`: two ground truths, weighted by how far off each says the depth is.
 
-Equation numbers are those of LiRCDepth (2025); METHODS C.
+Equation numbers are those of [Sun2025].
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def dense_terms(
 
 
 def uncertainty(predicted_m: Tensor, truth_m: Tensor, beta: float) -> Tensor:
-    """How far two depths are from each other, 0 for equal ones and below 1 (equation 4).
+    """How far two depths are from each other, 0 for equal ones and below 1 ([Sun2025], eq. 4).
 
     Args:
         predicted_m: Metres, positive.
@@ -99,7 +99,7 @@ def rectified_depth_loss(
     beta: float,
     ranks: Ranks = ALONE,
 ) -> Tensor:
-    """The uncertainty-rectified depth loss (URDL, equation 6).
+    """The uncertainty-rectified depth loss (URDL, [Sun2025], eq. 6).
 
     An L1 on each ground truth, each pixel of it weighted by a softmax over the uncertainties of both. Where one of them
     is unknown it counts there as 0 m, as in the paper's images: what only accumulated scans know weighs less than half.

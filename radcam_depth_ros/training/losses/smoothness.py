@@ -1,4 +1,4 @@
-"""Depth is smooth where the image is: a loss that all three other papers have."""
+"""Edge-aware smoothness of depth, a loss of [Li2023], [Sun2024] and [Sun2025]."""
 
 from __future__ import annotations
 

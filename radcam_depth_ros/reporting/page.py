@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import base64
 import html
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from radcam_depth_ros.evaluation.metrics import EvaluationError
-from radcam_depth_ros.evaluation.panels import ERROR_M, FAR_M, NEAR_M, Panel, Tile, colour_error, draw_panel
-from radcam_depth_ros.evaluation.plots import Plot, draw_plot
-from radcam_depth_ros.evaluation.tables import Fact, Table
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.frame import ImageArray
 from radcam_depth_ros.messages import colorise
+from radcam_depth_ros.reporting.errors import ReportError
+from radcam_depth_ros.reporting.panel import Panel, Tile, draw_panel
+from radcam_depth_ros.reporting.pictures import DEPTH_TICKS_M, ERROR_M, FAR_M, NEAR_M, colour_error, scale_share
+from radcam_depth_ros.reporting.plot import Plot, draw_plot
+from radcam_depth_ros.reporting.table import Fact, Table
 
-_DEPTH_TICKS_M = (2, 5, 10, 20, 40, 80)
 _ERROR_TICKS_M = (-10, -5, 0, 5, 10)
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c1e21; --soft: #5c636b; --paper: #fbfbfa; --line: #d9dcdf; --tint: #f1f2f3; }
@@ -71,7 +70,7 @@ def write_report(
         plots: Curves to show, in order.
 
     Raises:
-        EvaluationError: when the file cannot be written.
+        ReportError: when the file cannot be written.
     """
     sections = [
         _facts(facts),
@@ -103,7 +102,7 @@ def encode_picture(image: ImageArray, extension: str = ".png") -> str:
     """An RGB image (H, W, 3) uint8 as a data URI, ".png" or ".jpg"."""
     done, data = cv2.imencode(extension, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     if not done:
-        raise EvaluationError(f"an image of {image.shape} cannot be written as {extension}")
+        raise ReportError(f"an image of {image.shape} cannot be written as {extension}")
     kind = "jpeg" if extension == ".jpg" else extension.removeprefix(".")
     return f"data:image/{kind};base64,{base64.b64encode(data.tobytes()).decode('ascii')}"
 
@@ -152,8 +151,7 @@ def _figure(tile: Tile, is_photo: bool) -> str:
 
 
 def _depth_ticks() -> str:
-    places = (math.log(tick / NEAR_M) / math.log(FAR_M / NEAR_M) for tick in _DEPTH_TICKS_M)
-    return _ticks(places, [f"{tick} m" for tick in _DEPTH_TICKS_M])
+    return _ticks(map(scale_share, DEPTH_TICKS_M), [f"{tick} m" for tick in DEPTH_TICKS_M])
 
 
 def _error_ticks() -> str:

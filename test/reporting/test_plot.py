@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from radcam_depth_ros.evaluation.metrics import EvaluationError
-from radcam_depth_ros.evaluation.plots import Curve, Plot, draw_plot
+from radcam_depth_ros.reporting.errors import ReportError
+from radcam_depth_ros.reporting.plot import Curve, Plot, draw_plot
 
 
 def test_a_plot_is_a_drawing_with_its_labels():
@@ -19,5 +19,5 @@ def test_a_plot_is_a_drawing_with_its_labels():
 
 
 def test_a_curve_of_unequal_lengths_is_refused():
-    with pytest.raises(EvaluationError, match="as many x as y, got 2 and 1"):
+    with pytest.raises(ReportError, match="as many x as y, got 2 and 1"):
         Curve("odd", (0, 1), (1,))
