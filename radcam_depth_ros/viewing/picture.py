@@ -8,11 +8,11 @@ from typing import Any
 import cv2
 import numpy as np
 
+from radcam_depth_ros.encoder import image_at
 from radcam_depth_ros.evaluation.panels import FAR_M, NEAR_M, draw_depth, draw_radar
 from radcam_depth_ros.frame import DepthResult, Frame, ImageArray, RadcamDepthError
 from radcam_depth_ros.geometry import project
 from radcam_depth_ros.messages import colorise
-from radcam_depth_ros.pipeline import image_at
 
 TILES = 3
 SMALLEST_WIDTH = 480
