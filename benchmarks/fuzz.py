@@ -39,17 +39,16 @@ from benchmarks.fuzz_messages import (
     STATIC,
 )
 from benchmarks.streaming import memory_mib
-from radcam_depth_ros.bags import factory
 from radcam_depth_ros.cli.terminal.options import progress_bar, write_json
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import LONGEST_SENTENCE, FloatArray, Frame, RadcamDepthError
-from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
+from radcam_depth_ros.frame_builder import FrameBuilder, FrameBuilderConfig
 
 _START_NS = 1_000_000_000_000
 _PERIOD_NS = 5_000_000
 _PAUSE_NS = 3_000_000_000
 _DEFECTS_KEPT = 50
-_BY_ODOMETRY = PipelineConfig(
+_BY_ODOMETRY = FrameBuilderConfig(
     image=IMAGE,
     camera_info=CAMERA_INFO,
     radars=(RADAR,),
@@ -126,10 +125,10 @@ class Fuzz:
         self._counts: Counter[tuple[str, bool]] = Counter()
         self._places: set[str] = set()
         self.figures = Figures(0, seed)
-        self._pipelines = [Pipeline(config, estimator, factory) for config in CONFIGS]
+        self._builders = [FrameBuilder(config) for config in CONFIGS]
         self._expected: FloatArray = np.zeros(0, np.float32)
-        for pipeline in self._pipelines:
-            (frame,) = self._send_pair(pipeline)
+        for builder in self._builders:
+            (frame,) = self._send_pair(builder)
             self._expected = estimator.estimate(frame).dense
 
     def run(self, messages: int, first: int = 0, done: Callable[[int], None] = lambda number: None) -> Figures:
@@ -139,8 +138,8 @@ class Fuzz:
             for number in range(first, first + messages):
                 self._send(number)
                 if (number + 1 - first) % self._good_every == 0 or number + 1 == first + messages:
-                    for pipeline in self._pipelines:
-                        self._recover(pipeline, number)
+                    for builder in self._builders:
+                        self._recover(builder, number)
                 if number - first == messages // 10:
                     self.figures.memory_mib = (memory_mib("VmRSS"), 0.0)
                 done(number + 1 - first)
@@ -154,13 +153,13 @@ class Fuzz:
 
     def _send(self, number: int) -> None:
         rng = random.Random(f"{self._seed}/{number}")
-        pipeline = rng.choice(self._pipelines)
+        builder = rng.choice(self._builders)
         for sent in fuzz_messages.bad(rng, self._now_ns):
             self._now_ns += _PERIOD_NS
             started = time.perf_counter()
             try:
                 frames = self._guarded(
-                    number, sent.kind, partial(pipeline.accept, sent.topic, sent.message, self._now_ns)
+                    number, sent.kind, partial(builder.accept, sent.topic, sent.message, self._now_ns)
                 )
             except RadcamDepthError:
                 self._counts[sent.kind, False] += 1
@@ -172,7 +171,7 @@ class Fuzz:
             self._prepare(number, sent.kind, frames or ())
         try:
             self._prepare(
-                number, "waiting images", self._guarded(number, "", lambda: pipeline.expire(self._now_ns)) or ()
+                number, "waiting images", self._guarded(number, "", lambda: builder.expire(self._now_ns)) or ()
             )
         except RadcamDepthError:
             self._counts["waiting images", False] += 1
@@ -211,20 +210,20 @@ class Fuzz:
         repeat = f"python -m benchmarks.fuzz --seed {self._seed} --first {number} --messages 1"
         self.figures.defects.append(Defect(number, kind, problem, repeat, trace))
 
-    def _recover(self, pipeline: Pipeline, number: int) -> None:
+    def _recover(self, builder: FrameBuilder, number: int) -> None:
         """Sends good pairs until one gives the depth that it gives alone."""
         for count in range(1, 4):
             self.figures.good_pairs += 1
-            problem = self._problem_of_pair(pipeline, number)
+            problem = self._problem_of_pair(builder, number)
             if not problem:
                 self.figures.pairs_needed[count] = self.figures.pairs_needed.get(count, 0) + 1
                 return
             if count == 1:
                 self._note(number, "good pair", problem)
 
-    def _problem_of_pair(self, pipeline: Pipeline, number: int) -> str:
+    def _problem_of_pair(self, builder: FrameBuilder, number: int) -> str:
         try:
-            frames = self._guarded(number, "good pair", lambda: self._send_pair(pipeline))
+            frames = self._guarded(number, "good pair", lambda: self._send_pair(builder))
         except RadcamDepthError as error:
             return f"a good pair was refused: {error}"
         found = [frame for frame in frames or () if frame.stamp_ns == self._now_ns]
@@ -240,11 +239,11 @@ class Fuzz:
             return "a good pair's depth differs"
         return ""
 
-    def _send_pair(self, pipeline: Pipeline) -> tuple[Frame, ...]:
+    def _send_pair(self, builder: FrameBuilder) -> tuple[Frame, ...]:
         """Sends all that a depth image takes, a while after what came before."""
         while True:  # what waits comes out with its error
             try:
-                if not pipeline.expire(self._now_ns + _PAUSE_NS):
+                if not builder.expire(self._now_ns + _PAUSE_NS):
                     break
             except RadcamDepthError:
                 continue
@@ -260,8 +259,8 @@ class Fuzz:
             (RADAR, sweep_ns),
             (IMAGE, self._now_ns),
         ):
-            frames += pipeline.accept(topic, fuzz_messages.good(topic, stamp_ns), self._now_ns)
-        return frames + pipeline.expire(self._now_ns + 200_000_000)
+            frames += builder.accept(topic, fuzz_messages.good(topic, stamp_ns), self._now_ns)
+        return frames + builder.expire(self._now_ns + 200_000_000)
 
 
 def print_figures(figures: Figures, console: Console) -> None:

@@ -19,9 +19,9 @@ from rich.table import Table
 
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.drive import DriveSettings, read_samples
+from radcam_depth_ros.encoder import OutputConfig
 from radcam_depth_ros.engine import apart
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
-from radcam_depth_ros.pipeline import OutputConfig
 from radcam_depth_ros.replay import ReplayOptions, replay
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 

@@ -22,8 +22,10 @@ from torch import Tensor, nn
 
 from radcam_depth_ros.bags import factory as bag_factory
 from radcam_depth_ros.cli.terminal.options import write_json
+from radcam_depth_ros.encoder import OUTPUTS, Encoder, OutputConfig
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.frame import CameraModel
+from radcam_depth_ros.frame_builder import FrameBuilder, FrameBuilderConfig
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import (
     MessageFactory,
@@ -37,13 +39,14 @@ from radcam_depth_ros.messages import (
 )
 from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.weights_io.archive import Archive, Card
-from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
+from radcam_depth_ros.pipeline import Pipeline
 
 CAMERA = CameraModel(1600, 900, 1266.0, 1266.0, 816.0, 491.5)
 DISTORTION = np.array([-0.3, 0.1, 0.001, 0.001, 0.0])
 RETURNS = 200
 WARM_UP_FRAMES = 5
-CONFIG = PipelineConfig(image="/image", camera_info="/camera_info", radars=("/radar",))
+WRITTEN = tuple(name for name, output in OUTPUTS.items() if not output.is_on_demand)
+CONFIG = FrameBuilderConfig(image="/image", camera_info="/camera_info", radars=("/radar",))
 
 
 class NoCost(nn.Module):
@@ -112,11 +115,11 @@ def encode_distortion(make: MessageFactory, stamp: int) -> Any:
 
 def measure(make: MessageFactory, estimator: Estimator, encoding: str, distorted: bool, frames: int) -> Stopwatch:
     """Times `frames` frames, part by part."""
-    pipeline, watch = Pipeline(CONFIG, estimator, make), Stopwatch()
+    pipeline, watch = Pipeline(FrameBuilder(CONFIG), estimator, Encoder(OutputConfig(), make)), Stopwatch()
     along = RigidTransform(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.array([0.1, 0.2, -1.0]))
     down = RigidTransform(along.rotation, np.array([0.0, 1.5, -1.0]))
     links = [StampedTransform("camera", "radar", 0, along), StampedTransform("camera", "base_footprint", 0, down)]
-    pipeline.accept("/tf_static", encode_transforms(bag_factory, links), 0)
+    pipeline.build("/tf_static", encode_transforms(bag_factory, links), 0)
     noise = np.random.default_rng(0).integers(0, 255, (90, 160, 3), dtype=np.uint8)
     image = cv2.resize(noise, (CAMERA.width, CAMERA.height))
     for index in range(frames + WARM_UP_FRAMES):
@@ -129,9 +132,9 @@ def measure(make: MessageFactory, estimator: Estimator, encoding: str, distorted
         # The decoding above was only for its own figure: what follows is the whole way, decoding included.
         with watch.part("all"):
             with watch.part("accept camera_info, cloud and image"):
-                pipeline.accept("/camera_info", info, stamp)
-                pipeline.accept("/radar", cloud, stamp)
-                (frame,) = pipeline.accept("/image", picture, stamp)
+                pipeline.build("/camera_info", info, stamp)
+                pipeline.build("/radar", cloud, stamp)
+                (frame,) = pipeline.build("/image", picture, stamp)
             with watch.part("rectify, resample and place radar"):
                 inputs = estimator.prepare(frame)
             with watch.part("to the device, to float"):
@@ -139,7 +142,7 @@ def measure(make: MessageFactory, estimator: Estimator, encoding: str, distorted
             with watch.part("resample back"):
                 result = estimator.finish(inputs, depths)
             with watch.part("encode"):
-                pipeline.encode(frame, result)
+                pipeline.encode(frame, result, WRITTEN)
     return watch
 
 

@@ -21,16 +21,16 @@ from demo.recorder import Recorder
 from demo.session import Session, await_discovery, ros_node, spinning
 from radcam_depth_ros.bag_player import PlayedTopic, Player
 from radcam_depth_ros.bags import BagReader
+from radcam_depth_ros.encoder import OUTPUTS
 from radcam_depth_ros.evaluation.tables import summary_table
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS
 from radcam_depth_ros.reporting.table import Table
 from radcam_depth_ros.reporting.terminal import print_table
 
-IMAGE = "sensor_msgs/msg/Image"
-OUTPUTS = {DEPTH: IMAGE, CAMERA_INFO: "sensor_msgs/msg/CameraInfo", SEMI_DENSE: IMAGE, CONFIDENCE: IMAGE}
+TYPES = {f"/{output.topic}": output.type_name for output in OUTPUTS.values()}
+RECORDED = {topic: TYPES[topic] for topic in (DEPTH, CAMERA_INFO, SEMI_DENSE, CONFIDENCE)}
 OTHERS = {
-    f"/{OUTPUT_TOPICS['semi_dense_camera_info']}": "sensor_msgs/msg/CameraInfo",
+    f"/{OUTPUTS['semi_dense_camera_info'].topic}": OUTPUTS["semi_dense_camera_info"].type_name,
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
 TAIL_S = 1.0
@@ -91,7 +91,7 @@ def _run(plan: Plan, rate: float | None, recording: Path, out: Path) -> Traffic:
     with contextlib.ExitStack() as stack:
         process = stack.enter_context(NodeProcess(parameters, out / "node.log"))
         node = stack.enter_context(ros_node())
-        recorder = stack.enter_context(Recorder(node, OUTPUTS, OTHERS, recording))
+        recorder = stack.enter_context(Recorder(node, RECORDED, OTHERS, recording))
         player = Player(node, [PlayedTopic(*topic) for topic in plan.played.items()], rate or 1.0)
         stack.enter_context(spinning(node))
         console.print(f"starting the node; listen along with ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']} ...")

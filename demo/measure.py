@@ -11,19 +11,18 @@ import numpy as np
 from demo.plan import Plan
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.drive import DriveSettings, read_samples
+from radcam_depth_ros.encoder import OUTPUTS
 from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drive
 from radcam_depth_ros.evaluation.panels import PanelKeeper
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.evaluation.tables import tables_of
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS
 from radcam_depth_ros.reporting.page import write_report
 from radcam_depth_ros.reporting.table import Fact, Table
 from radcam_depth_ros.viewing import RecordedDepth
 
-DEPTH = f"/{OUTPUT_TOPICS['depth']}"
-CAMERA_INFO = f"/{OUTPUT_TOPICS['depth_camera_info']}"
-SEMI_DENSE = f"/{OUTPUT_TOPICS['semi_dense']}"
-CONFIDENCE = f"/{OUTPUT_TOPICS['confidence']}"
+DEPTH, CAMERA_INFO, SEMI_DENSE, CONFIDENCE = (
+    f"/{OUTPUTS[name].topic}" for name in ("depth", "depth_camera_info", "semi_dense", "confidence")
+)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A bag through the pipeline, offline: every frame, in order, the same depth as in the live node.
+"""Replays a bag through the pipeline: every frame, in order, with the same depth as in the live node.
 
 Reading, the network and writing have a thread each, so that the network need not wait for the other two.
 """
@@ -17,10 +17,12 @@ from typing import Any
 from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.drive import DriveSettings, DriveWarning, motion_topics, prime, unmoved
+from radcam_depth_ros.encoder import OUTPUTS, Encoder, OutputConfig, Replayed
 from radcam_depth_ros.estimator import Estimator, NetworkInputs
-from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
+from radcam_depth_ros.frame import Frame, RadcamDepthError
+from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS, OutputConfig, Pipeline, PipelineConfig
+from radcam_depth_ros.pipeline import Pipeline
 
 _FRAMES_UNDER_WAY = 2
 """One that the network is given while another is written; more would only cost memory."""
@@ -35,8 +37,7 @@ class ReplayOptions:
         namespace: Put before the depth topics, `/` for the node's own names.
         output: How depth is written.
         passthrough: Copy all messages of the input as well.
-        preview: Write the preview too.
-        points: Write the point cloud too.
+        also: Names of the outputs to write besides those that a replay always writes.
         overwrite: Replace a bag that is there.
         compress: Compress the output (zstd): about half the size, and more work than all else but the network.
     """
@@ -44,10 +45,15 @@ class ReplayOptions:
     namespace: str = "/"
     output: OutputConfig = field(default_factory=OutputConfig)
     passthrough: bool = False
-    preview: bool = False
-    points: bool = False
+    also: tuple[str, ...] = ()
     overwrite: bool = False
     compress: bool = False
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Names of all outputs to write."""
+        always = (name for name, output in OUTPUTS.items() if output.replayed is Replayed.ALWAYS)
+        return (*always, *self.also)
 
 
 @dataclass(frozen=True)
@@ -91,38 +97,35 @@ def replay(
     settings, options = settings or DriveSettings(), options or ReplayOptions()
     with BagReader(source) as reader:
         topics = settings.find_topics(reader)
-        config = PipelineConfig.of(settings.frame_builder_of(topics), options.output)
-        pipeline = Pipeline(config, estimator, factory)
-        prime(reader, pipeline, topics)
+        frame_builder = FrameBuilder(settings.frame_builder_of(topics))
+        pipeline = Pipeline(frame_builder, estimator, Encoder(options.output, factory))
+        prime(reader, frame_builder, topics)
         images = reader.count([topics.image])
-        moving = motion_topics(topics, config)
+        moving = motion_topics(topics, frame_builder.config)
         sensors = {topics.image, topics.camera_info, *topics.radars, *moving}
         now_ns = 0
         with (
             BagWriter(target, overwrite=options.overwrite, compress=options.compress) as writer,
-            _Line(
-                pipeline, estimator, writer, options, lambda done: progress(done, images) if progress else None
-            ) as line,
+            _Line(pipeline, writer, options, lambda done: progress(done, images) if progress else None) as line,
         ):
             for message in reader.messages(None if options.passthrough else sensors):
                 now_ns = message.log_time_ns
                 if options.passthrough:
                     line.copy(message)
-                frames = pipeline.expire(now_ns)
+                frames = frame_builder.expire(now_ns)
                 if message.topic in sensors:
                     try:
                         topic = moving.get(message.topic, message.topic)
-                        frames += pipeline.accept(topic, message.message, now_ns)
+                        frames += pipeline.build(topic, message.message, now_ns)
                     except RadcamDepthError as error:
                         raise type(error)(f"{message.topic}, {line.taken} frames into the bag: {error}") from error
                 for frame in frames:
                     line.process(frame, now_ns)
-            for frame in pipeline.flush():
+            for frame in frame_builder.flush():
                 line.process(frame, now_ns)
-    if pipeline.unmoved_frames:
-        warnings.warn(f"{source}: {unmoved(pipeline, line.done)}", DriveWarning, stacklevel=2)
-    suppressed = line.without_radar if pipeline.is_suppressed(0) else 0
-    return ReplaySummary(topics, images, line.done - suppressed, line.without_radar)
+    if frame_builder.unmoved_frames:
+        warnings.warn(f"{source}: {unmoved(frame_builder, line.done)}", DriveWarning, stacklevel=2)
+    return ReplaySummary(topics, images, line.written, line.without_radar)
 
 
 class _Line:
@@ -131,8 +134,7 @@ class _Line:
     At the end of a `with` block everything is written; what failed first is raised first.
 
     Args:
-        pipeline: Encodes.
-        estimator: Runs the network.
+        pipeline: Estimates and encodes.
         writer: Writes.
         options: What is written.
         progress: Called with the number of frames that are done.
@@ -140,22 +142,18 @@ class _Line:
     Attributes:
         taken: Frames taken in.
         done: Frames that are done.
+        written: Those of them that gave depth.
         without_radar: Those of them that had no radar return in view.
     """
 
     def __init__(
-        self,
-        pipeline: Pipeline,
-        estimator: Estimator,
-        writer: BagWriter,
-        options: ReplayOptions,
-        progress: Callable[[int], None],
+        self, pipeline: Pipeline, writer: BagWriter, options: ReplayOptions, progress: Callable[[int], None]
     ) -> None:
-        self._pipeline, self._estimator, self._writer = pipeline, estimator, writer
-        self._options, self._progress = options, progress
+        self._pipeline, self._writer, self._progress = pipeline, writer, progress
+        self._prefix, self._wanted = options.namespace.rstrip("/") + "/", options.wanted
         self._network, self._writing = ThreadPoolExecutor(1, "network"), ThreadPoolExecutor(1, "writing")
-        self._waiting: deque[Future[DepthResult | None]] = deque()
-        self.taken = self.done = self.without_radar = 0
+        self._waiting: deque[Future[int | None]] = deque()
+        self.taken = self.done = self.written = self.without_radar = 0
 
     def __enter__(self) -> _Line:
         return self
@@ -178,8 +176,8 @@ class _Line:
 
     def process(self, frame: Frame, now_ns: int) -> None:
         """Estimates and writes a frame's depth; returns when there is room for another."""
-        inputs = self._estimator.prepare(frame)
-        depths = self._network.submit(self._estimator.run, inputs)
+        inputs = self._pipeline.prepare(frame)
+        depths = None if inputs is None else self._network.submit(self._pipeline.estimator.run, inputs)
         self.taken += 1
         self._put(self._writing.submit(self._write, inputs, depths, now_ns))
         while self.taken - self.done > _FRAMES_UNDER_WAY:
@@ -191,21 +189,20 @@ class _Line:
             self._take_out()
 
     def _take_out(self) -> None:
-        result = self._waiting.popleft().result()
-        if result is not None:
+        in_view = self._waiting.popleft().result()
+        if in_view is not None:
             self.done += 1
-            self.without_radar += result.radar_in_view == 0
+            self.without_radar += in_view == 0
             self._progress(self.done)
 
-    def _write(self, inputs: NetworkInputs, depths: Future[Depths], now_ns: int) -> DepthResult:
-        result = self._estimator.finish(inputs, depths.result())
-        if self._pipeline.is_suppressed(result.radar_in_view):
-            return result
-        options = self._options
-        messages = self._pipeline.encode(inputs.frame, result, preview=options.preview, points=options.points)
-        prefix = options.namespace.rstrip("/") + "/"
-        for name, topic in OUTPUT_TOPICS.items():
-            message = getattr(messages, name)
-            if message is not None:
-                self._writer.write(prefix + topic, message, now_ns)
-        return result
+    def _write(self, inputs: NetworkInputs | None, depths: Future[Depths] | None, now_ns: int) -> int:
+        """Writes a frame's outputs; gives the number of its radar returns in view."""
+        if inputs is None or depths is None:
+            return 0
+        result = self._pipeline.finish(inputs, depths.result(), self._wanted)
+        if result is None:
+            return 0
+        for name, message in self._pipeline.encode(inputs.frame, result, self._wanted).items():
+            self._writer.write(self._prefix + OUTPUTS[name].topic, message, now_ns)
+        self.written += 1
+        return result.radar_in_view

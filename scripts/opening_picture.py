@@ -15,10 +15,10 @@ import numpy as np
 
 from radcam_depth_ros.drive import Sample, read_samples
 from radcam_depth_ros.estimator import Estimator
-from radcam_depth_ros.evaluation.panels import draw_depth, draw_radar
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.frame import CameraModel, DepthResult, FloatArray, ImageArray
 from radcam_depth_ros.geometry import project, unproject
+from radcam_depth_ros.reporting.pictures import draw_depth, draw_radar
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 
 _WIDTH, _HEIGHT, _CAPTION_PX = 560, 314, 28

@@ -13,13 +13,15 @@ from torch import Tensor, nn
 
 from radcam_depth_ros import simulation
 from radcam_depth_ros.bags import factory
+from radcam_depth_ros.encoder import OUTPUTS, Encoder, OutputConfig
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, RadarReturns
+from radcam_depth_ros.frame_builder import FrameBuilder, FrameBuilderConfig
 from radcam_depth_ros.geometry import CanonicalCamera, RigidTransform
 from radcam_depth_ros.messages import DEPTH_ENCODINGS, decode_points
 from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.weights_io.archive import Archive, Card
-from radcam_depth_ros.pipeline import DepthMessages, OutputConfig, Pipeline, PipelineConfig
+from radcam_depth_ros.pipeline import Pipeline
 from radcam_depth_ros.simulation.objects.scene import Scene
 from radcam_depth_ros.simulation.recording import Drive
 from radcam_depth_ros.simulation.sensors import rig
@@ -90,18 +92,18 @@ def point_cloud_xyz(depth: Any, info: Any) -> npt.NDArray[np.float64]:
     return np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=-1)
 
 
-def compare(messages: DepthMessages, truth: npt.NDArray[np.float32]) -> None:
-    is_seen = truth[..., 2] < (65.0 if messages.depth.encoding == "16UC1" else FAR_M)
+def compare(messages: dict[str, Any], truth: npt.NDArray[np.float32]) -> None:
+    is_seen = truth[..., 2] < (65.0 if messages["depth"].encoding == "16UC1" else FAR_M)
     assert is_seen.mean() > 0.4
     for depth, info in (
-        (messages.depth, messages.depth_camera_info),
-        (messages.semi_dense, messages.semi_dense_camera_info),
+        (messages["depth"], messages["depth_camera_info"]),
+        (messages["semi_dense"], messages["semi_dense_camera_info"]),
     ):
         points = point_cloud_xyz(depth, info)
         assert points.shape == truth.shape
         off = np.linalg.norm(points - truth, axis=-1) / np.linalg.norm(truth, axis=-1)
         assert off[is_seen].max() < 0.01
-    cloud = decode_points(messages.points).xyz_m
+    cloud = decode_points(messages["points"]).xyz_m
     np.testing.assert_allclose(cloud, truth[truth[..., 2] < FAR_M], rtol=1e-3, atol=1e-3)
 
 
@@ -114,17 +116,18 @@ def test_its_points_are_those_of_the_world(sight: Sight, camera: CameraModel) ->
         EstimatorConfig(precision="float32", output_size="network"),
         Archive(network, Card("test", {}, FOCAL, 1.0, 100.0, "nothing")),
     )
-    config = PipelineConfig(output=OutputConfig(points_far_m=FAR_M))
-    pipeline = Pipeline(config, estimator, factory)
+    config, output = FrameBuilderConfig(), OutputConfig(points_far_m=FAR_M)
+    pipeline = Pipeline(FrameBuilder(config), estimator, Encoder(output, factory))
     frame = Frame(5, "camera", np.zeros((camera.height, camera.width, 3), np.uint8), camera, RadarReturns.empty())
     native = sight.points(camera)
     for encoding in DEPTH_ENCODINGS:
-        pipeline.adjust(replace(config, output=replace(config.output, depth_encoding=encoding)))
-        messages = pipeline.process(frame, points=True)
-        assert messages is not None
-        assert messages.depth_camera_info.width == plan.scaled.width
+        pipeline.adjust(config, estimator.config, replace(output, depth_encoding=encoding))
+        found = pipeline.estimate(frame, OUTPUTS)
+        assert found is not None
+        messages = pipeline.encode(frame, found, OUTPUTS)
+        assert messages["depth_camera_info"].width == plan.scaled.width
         compare(messages, sight.points(plan.scaled))
 
         depth = np.ascontiguousarray(native[..., 2])
         result = DepthResult(5, "camera", camera, depth, depth, np.ones_like(depth), 0)
-        compare(pipeline.encode(frame, result, points=True), native)
+        compare(pipeline.encode(frame, result, OUTPUTS), native)

@@ -24,14 +24,15 @@ from launch_mappings import launch_mappings, mapping_keys
 
 from radcam_depth_ros import configuration
 from radcam_depth_ros.cli import app
+from radcam_depth_ros.encoder import OUTPUTS
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.parameters import build_config
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS, PipelineConfig
 from radcam_depth_ros.training.recipe import TrainingConfig
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTED: Any = runpy.run_path(str(ROOT / "scripts" / "documented_commands.py"))
 TEXTS = {page: (ROOT / page).read_text(encoding="utf-8") for page in DOCUMENTED["pages"]()}
-TOPICS = {*OUTPUT_TOPICS.values(), PipelineConfig().image, *PipelineConfig().radars}
+TOPICS = {*(output.topic for output in OUTPUTS.values()), FrameBuilderConfig().image, *FrameBuilderConfig().radars}
 NOT_HERE = re.compile(r"^(?:sudo|ros2|docker|rosdep|git clone|colcon)\b", re.M)
 
 
@@ -216,8 +217,8 @@ def test_costmaps_read_what_the_node_writes() -> None:
 
     collect(sections)
     from_nav2_md = {"/semi_dense/points"}  # by depth_image_proc, in the namespace of what it reads
-    assert set(found) == {f"/{OUTPUT_TOPICS['points']}"} | from_nav2_md
-    assert Path(OUTPUT_TOPICS["semi_dense"]).parent == Path(OUTPUT_TOPICS["semi_dense_camera_info"]).parent
+    assert set(found) == {f"/{OUTPUTS['points'].topic}"} | from_nav2_md
+    assert Path(OUTPUTS["semi_dense"].topic).parent == Path(OUTPUTS["semi_dense_camera_info"].topic).parent
 
 
 def test_foxglove_shows_topics_that_exist() -> None:
@@ -233,7 +234,7 @@ def test_foxglove_shows_topics_that_exist() -> None:
         str(panel.get("imageMode", {}).get("calibrationTopic", "/depth/camera_info")) for panel in panels.values()
     }
     topics |= {topic for panel in panels.values() for topic in panel.get("topics", {})}
-    known = {f"/{topic}" for topic in (*TOPICS, PipelineConfig().calibration_topic)}
+    known = {f"/{topic}" for topic in (*TOPICS, FrameBuilderConfig().calibration_topic)}
     assert topics <= known
     assert {"/depth/preview", "/depth/points"} <= topics
     assert any(panel.get("topicToRender") == "/diagnostics" for panel in panels.values())

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,9 +8,11 @@ import numpy as np
 import pytest
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS
 
+from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagError, BagReader, BagWriter, factory
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.drive import DriveError, DriveSettings, DriveWarning, read_samples
+from radcam_depth_ros.encoder import OUTPUTS, OutputConfig, Replayed
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, NetworkInputs
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilderConfig
@@ -22,10 +25,11 @@ from radcam_depth_ros.messages import (
     encode_transforms,
 )
 from radcam_depth_ros.pairing import PairingConfig
-from radcam_depth_ros.pipeline import OutputConfig, Pipeline
+from radcam_depth_ros.pipeline import Pipeline
 from radcam_depth_ros.replay import ReplayOptions, replay
 
 WriteDrive = Callable[..., Path]
+OPTIONAL = tuple(name for name, output in OUTPUTS.items() if output.replayed is Replayed.WITH_OPTION)
 
 
 @pytest.fixture(scope="module", params=["float32", "bfloat16"])
@@ -47,20 +51,14 @@ def test_every_image_gets_its_depth_and_twice_gives_the_same(
     summary = replay(drive, tmp_path / "a.mcap", estimator, progress=lambda done, total: seen.append((done, total)))
     assert (summary.images, summary.frames, summary.without_radar) == (5, 5, 0)
     assert seen == [(index, 5) for index in range(1, 6)]
-    replay(drive, tmp_path / "b", estimator, options=ReplayOptions(preview=True, points=True))
+    replay(drive, tmp_path / "b", estimator, options=ReplayOptions(also=OPTIONAL))
     first, second = depths(tmp_path / "a.mcap"), depths(tmp_path / "b")
     assert list(first) == [START_NS + index * 100_000_000 for index in range(5)]
     for stamp, depth in first.items():
         np.testing.assert_array_equal(depth, second[stamp])
     with BagReader(tmp_path / "b") as reader:
-        assert {topic.name for topic in reader.topics} == {
-            "/depth/image_rect",
-            "/depth/camera_info",
-            "/semi_dense/image_rect",
-            "/semi_dense/camera_info",
-            "/depth/confidence",
-            "/depth/preview",
-            "/depth/points",
+        assert {(topic.name, topic.type_name) for topic in reader.topics} == {
+            (f"/{output.topic}", output.type_name) for output in OUTPUTS.values() if not output.needs_classes
         }
 
 
@@ -80,12 +78,16 @@ def test_classes_are_written_where_the_network_tells_them(
 def test_outputs_as_they_are_asked_for(tmp_path: Path, write_drive: WriteDrive, estimator: Estimator) -> None:
     drive = write_drive(tmp_path / "drive.mcap", frames=1)
     output = OutputConfig(preview_colormap="grey", points_stride=8)
-    replay(drive, tmp_path / "out.mcap", estimator, options=ReplayOptions(preview=True, points=True, output=output))
+    replay(drive, tmp_path / "out.mcap", estimator, options=ReplayOptions(also=OPTIONAL, output=output))
     with BagReader(tmp_path / "out.mcap") as reader:
         found = {message.topic: message.message for message in reader.messages()}
     assert found["/depth/points"].width == CAMERA.width * CAMERA.height // 64
     preview = decode_image(found["/depth/preview"]).image
     assert (preview[..., 0] == preview[..., 1]).all()
+
+
+def test_the_verb_has_an_option_for_each_output_that_is_written_with_one() -> None:
+    assert set(OPTIONAL) <= inspect.signature(cli.replay).parameters.keys()
 
 
 def test_images_without_radar_have_no_depth_where_they_are_suppressed(
@@ -180,14 +182,14 @@ def test_frames_before_a_bad_message_are_done_first(
     tmp_path: Path, write_drive: WriteDrive, estimator: Estimator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drive = write_drive(tmp_path / "drive.mcap")
-    accept, seen = Pipeline.accept, []
+    accept, seen = Pipeline.build, []
 
     def refuse_the_last(self: Pipeline, topic: str, message: object, now_ns: int) -> tuple[Frame, ...]:
         if now_ns >= START_NS + 4 * PERIOD_NS:
             raise MessageError("the image is truncated")
         return accept(self, topic, message, now_ns)
 
-    monkeypatch.setattr(Pipeline, "accept", refuse_the_last)
+    monkeypatch.setattr(Pipeline, "build", refuse_the_last)
     with pytest.raises(MessageError, match=r"/camera/\w+, 3 frames into the bag: the image is truncated"):
         replay(drive, tmp_path / "out.mcap", estimator, progress=lambda done, _: seen.append(done))
     assert seen == [1, 2, 3]

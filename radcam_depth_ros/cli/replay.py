@@ -103,10 +103,9 @@ def replay(
         },
     )
     options = replaying.ReplayOptions(
-        output=node.config.pipeline.output,
+        output=node.config.output,
         passthrough=passthrough,
-        preview=preview,
-        points=points,
+        also=tuple(name for name, is_wanted in (("preview", preview), ("points", points)) if is_wanted),
         overwrite=overwrite,
         compress=compress,
     )

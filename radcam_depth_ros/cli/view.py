@@ -76,7 +76,7 @@ def view(
 
     estimation = estimator_parameters(network, model, device, precision, threads)
     given = {"image_topic": image, "radar_topics": radar or None, **estimation}
-    node = node_parameters(params, given, unused=("pipeline.output.",))
+    node = node_parameters(params, given, unused=("output.",))
     options = viewing.ViewOptions(every, frames, width)
     if network is not None or model is not None:
         if depth is not None:
@@ -138,7 +138,7 @@ def _view_bag(
 
 def _estimate(node: NodeParameters) -> Callable[[Frame], DepthResult | None]:
     """The network's depth; none of a frame whose depth the node would suppress."""
-    estimator, without_radar = load_estimator(node.config.estimator), node.config.pipeline.without_radar
+    estimator, without_radar = load_estimator(node.config.estimator), node.config.frame_builder.without_radar
 
     def estimate(frame: Frame) -> DepthResult | None:
         result = estimator.estimate(frame)

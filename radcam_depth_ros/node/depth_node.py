@@ -18,9 +18,11 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
+from radcam_depth_ros.encoder import Encoder
 from radcam_depth_ros.engine import apart, give_back_memory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, RadcamDepthError
+from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
 from radcam_depth_ros.node.health import Level, Problems
 from radcam_depth_ros.node.latency import LatencyTopics
@@ -31,7 +33,7 @@ from radcam_depth_ros.node.topics.inputs import Inputs, find_inputs
 from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.vitals import Vitals
 from radcam_depth_ros.parameters import NODE_NAME, NodeConfig
-from radcam_depth_ros.pipeline import Pipeline, PipelineConfig
+from radcam_depth_ros.pipeline import Pipeline
 
 DIAGNOSTICS_PERIOD_S = 1.0
 WARM_UP_SIZE = (800, 448)
@@ -165,7 +167,7 @@ class RadcamDepthNode(LifecycleNode):
                 estimator = self._load(config.estimator, before.estimator if before else None)
             estimator.adjust(config.estimator)
             part = "output"
-            self._outputs.offer_classes(estimator.tells_classes)
+            self._outputs.offer(has_classes=estimator.tells_classes)
         except Exception as error:  # the boundary: whatever it is, the node stays up and says so
             kept = (
                 f"; {self._model()} is still loaded, set back what was set to go on with it" if self._estimator else ""
@@ -183,8 +185,7 @@ class RadcamDepthNode(LifecycleNode):
             return
         try:
             config = _with_full_names(self._settings.read(), self._inputs)
-            self._session.pipeline.adjust(config.pipeline)
-            self._estimator.adjust(config.estimator)
+            self._session.pipeline.adjust(config.frame_builder, config.estimator, config.output)
         except Exception as error:  # the boundary: parameters must never take the node down
             self._problems.report("parameters", Level.ERROR, f"parameters are not taken up: {_sentence(error)}")
             return
@@ -207,7 +208,8 @@ class RadcamDepthNode(LifecycleNode):
     def _new_pipeline(self) -> Pipeline:
         if self._config is None or self._estimator is None:
             raise RadcamDepthError("the node is not configured; configure it first")
-        return Pipeline(self._config.pipeline, self._estimator, build_message)
+        frame_builder, encoder = FrameBuilder(self._config.frame_builder), Encoder(self._config.output, build_message)
+        return Pipeline(frame_builder, self._estimator, encoder)
 
     def _model(self) -> str:
         return self._estimator.describe() if self._estimator else ""
@@ -233,14 +235,14 @@ class RadcamDepthNode(LifecycleNode):
         if config is None or inputs.transforms:
             return
         missing = "tf2_msgs is not installed, so"
-        if config.pipeline.needs_transforms:
+        if config.frame_builder.needs_transforms:
             self._problems.report(
                 "transforms",
                 Level.ERROR,
                 f"{missing} /tf_static cannot be read and nobody knows where the radar is: install it "
                 "(ros-jazzy-tf2-msgs), or set the parameter camera_from_radar (x y z qx qy qz qw)",
             )
-        if config.pipeline.moves_radar and not config.pipeline.odometry:
+        if config.frame_builder.moves_radar and not config.frame_builder.odometry:
             self._problems.report(
                 "moving transforms",
                 Level.WARN,
@@ -279,14 +281,14 @@ class RadcamDepthNode(LifecycleNode):
 
 def _with_full_names(config: NodeConfig, inputs: Inputs) -> NodeConfig:
     """The config with the topics as they are called in the graph."""
-    pipeline: PipelineConfig = replace(
-        config.pipeline,
+    frame_builder = replace(
+        config.frame_builder,
         image=inputs.camera.topic,
         camera_info=inputs.camera_info.topic,
         radars=tuple(radar.topic for radar in inputs.radars),
-        odometry=inputs.odometry.topic if inputs.odometry else config.pipeline.odometry,
+        odometry=inputs.odometry.topic if inputs.odometry else config.frame_builder.odometry,
     )
-    return replace(config, pipeline=pipeline)
+    return replace(config, frame_builder=frame_builder)
 
 
 def _canonical_camera(estimator: Estimator) -> CameraModel:

@@ -68,7 +68,7 @@ class Session:
         problems: Problems,
     ) -> None:
         self._node = node
-        self.pipeline = pipeline
+        self.pipeline, self.frame_builder = pipeline, pipeline.frame_builder
         self.inputs = inputs
         self._outputs = outputs
         self._latency_topics = latency_topics
@@ -114,7 +114,7 @@ class Session:
 
     def radar_time_offset_s(self, radar: Input) -> float:
         """What is added to a radar's stamps."""
-        given = self.pipeline.config.pairing.radar_time_offset_s
+        given = self.frame_builder.config.pairing.radar_time_offset_s
         offsets_s = for_each_radar("radar_time_offset_s", given, len(self.inputs.radars))
         return offsets_s[self.inputs.radars.index(radar)]
 
@@ -147,7 +147,7 @@ class Session:
 
     def _accept(self, source: Input, message: Any, now_ns: int) -> tuple[Frame, ...]:
         try:
-            return self.pipeline.accept(source.topic, message, self.clock.now_ns())
+            return self.pipeline.build(source.topic, message, self.clock.now_ns())
         finally:
             if source is self.inputs.camera:
                 self._images[_stamp_ns(message)] = (now_ns, time.monotonic_ns())
@@ -156,7 +156,7 @@ class Session:
 
     def _on_expiry(self) -> None:
         try:
-            frames = self.pipeline.expire(self.clock.now_ns())
+            frames = self.frame_builder.expire(self.clock.now_ns())
         except RadcamDepthError as error:
             self._on_unusable_image(error)
         except Exception as error:  # the boundary, as above
@@ -171,7 +171,7 @@ class Session:
             self.stamps[source.part].add(_stamp_ns(message), arrived_ns)
         if source in self.inputs.radars:
             self.stamp_offsets[source.part].add(_stamp_ns(message), arrived_ns, self.stamps[self.inputs.camera.part])
-        config = self.pipeline.config
+        config = self.frame_builder.config
         has_frame = message.header.frame_id or config.camera_frame if source is self.inputs.camera else True
         # Where the extrinsics come from /tf_static, no frame can be made at all and the pipeline says so.
         if not has_frame and config.camera_from_radar:
@@ -182,9 +182,9 @@ class Session:
                 "set it in the driver, or set the parameter camera_frame",
             )
             return
-        dropped = self.pipeline.dropped_returns.get(source.topic, 0)
-        if source is self.inputs.odometry and self.pipeline.odometry_problem:
-            self._problems.report(source.part, Level.WARN, self.pipeline.odometry_problem)
+        dropped = self.frame_builder.dropped_returns.get(source.topic, 0)
+        if source is self.inputs.odometry and self.frame_builder.odometry_problem:
+            self._problems.report(source.part, Level.WARN, self.frame_builder.odometry_problem)
         elif dropped:
             self._problems.report(
                 source.part,
@@ -208,15 +208,12 @@ class Session:
         frame, outputs = ticket.frame, self._outputs
         taken_ns = self.busy_since_ns = time.monotonic_ns()
         try:
-            result = self.pipeline.estimate(frame, classes=outputs.is_wanted("classes"))
+            result = self.pipeline.estimate(frame, outputs.wanted())
             estimated_ns = time.monotonic_ns()
             if result is None:
                 self._on_suppressed()
                 return
-            messages = self.pipeline.encode(
-                frame, result, preview=outputs.is_wanted("preview"), points=outputs.is_wanted("points")
-            )
-            outputs.publish(messages)
+            outputs.publish(self.pipeline.encode(frame, result, outputs.wanted()))
         except Exception as error:  # the boundary: a frame must never take the worker down
             self.frames_failed += 1
             self._on_inference_error(error)
@@ -260,7 +257,7 @@ class Session:
 
     def _judge_motion(self) -> None:
         """Where returns cannot be moved to the image's time: depth comes all the same, so the log has it once."""
-        problem = self.pipeline.motion_problem
+        problem = self.frame_builder.motion_problem
         if problem:
             self._problems.report("motion", Level.WARN, problem, quietly=self._is_motion_told)
             self._is_motion_told = True

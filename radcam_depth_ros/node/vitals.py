@@ -38,7 +38,7 @@ class Vitals:
         self._outputs = outputs
         self._problems = problems
         self.watchdog = Watchdog(node, session, problems)
-        self._before = session.pipeline.counts
+        self._before = session.frame_builder.counts
         self._leaps_before = 0
         self._are_clocks_told = False
 
@@ -100,11 +100,11 @@ class Vitals:
         parts, info, camera = (
             ("camera_info", "transforms", "moving transforms", "frame"),
             session.inputs.camera_info,
-            session.pipeline.camera,
+            session.frame_builder.camera,
         )
         values = (
             *_pace(session.rates[info.part]),
-            ("frames", " ".join(session.pipeline.transforms.frames)),
+            ("frames", " ".join(session.frame_builder.transforms.frames)),
             *self._problems.history(*parts),
         )
         problem, extrinsics = self._problems.tell(*parts), session.inputs.extrinsics
@@ -120,7 +120,7 @@ class Vitals:
         return Status("calibration", Level.OK, sentence, values)
 
     def _pairing(self) -> Status:
-        counts, before = self._session.pipeline.counts, self._before
+        counts, before = self._session.frame_builder.counts, self._before
         self._before = counts
         self._judge_stamps(counts, before)
         parts = ("clocks", "pairing", "stamps", "view", "motion")
@@ -130,7 +130,7 @@ class Vitals:
             return Status("pairing", *problem, values)
         unmatched = counts.unmatched - before.unmatched
         if unmatched and self._session.inputs.radars:
-            config = self._session.pipeline.config
+            config = self._session.frame_builder.config
             sentence = (
                 f"{unmatched} images of the last second had no radar sweep within "
                 f"{config.pairing.max_time_offset_s:g} s, {_WITHOUT_RADAR[config.without_radar]}; check that the radar "
@@ -140,7 +140,7 @@ class Vitals:
         return Status("pairing", Level.OK, f"{counts.images - before.images} images in the last second", values)
 
     def _pairing_values(self, counts: PairingCounts) -> Values:
-        pipeline = self._session.pipeline
+        frame_builder = self._session.frame_builder
         values = [
             ("images", str(counts.images)),
             ("paired", str(counts.paired)),
@@ -156,15 +156,15 @@ class Vitals:
                 (f"{radar.name}: late sweeps", str(radar.late)),
                 (f"{radar.name}: duplicates", str(radar.duplicates)),
             ]
-            offsets_s = pipeline.offsets_s[radar.name]
+            offsets_s = frame_builder.offsets_s[radar.name]
             if offsets_s:
                 found = np.percentile(np.abs(offsets_s), (50, 99))
                 values += [
                     (f"{radar.name}: dt {name} [ms]", f"{value * 1e3:.1f}")
                     for name, value in zip(("p50", "p99"), found, strict=True)
                 ]
-        if pipeline.config.moves_radar:
-            values.append(("frames without motion", str(pipeline.unmoved_frames)))
+        if frame_builder.config.moves_radar:
+            values.append(("frames without motion", str(frame_builder.unmoved_frames)))
         return tuple(values)
 
     def _judge_stamps(self, counts: PairingCounts, before: PairingCounts) -> None:
@@ -239,7 +239,7 @@ class Vitals:
 
     def _output(self) -> Status:
         session = self._session
-        camera, counts = session.inputs.camera.part, session.pipeline.counts
+        camera, counts = session.inputs.camera.part, session.frame_builder.counts
         values = (
             *_pace(session.frames_out),
             ("images", str(session.rates[camera].count)),

@@ -35,7 +35,7 @@ class WarmUp:
 
     def follow(self) -> None:
         """Looks at the pipeline's camera, and has the network warmed up where that is another than before."""
-        camera = self._pipeline.camera
+        camera = self._pipeline.frame_builder.camera
         if camera is not None and camera != self._last:
             self._last = self.camera = camera
             self._worker.prepare(partial(self._warm_up, camera))
@@ -49,7 +49,7 @@ class WarmUp:
     def _warm_up(self, camera: CameraModel) -> None:
         self.camera = camera
         try:
-            self._pipeline.warm_up(camera)
+            self._pipeline.estimator.warm_up(camera)
         except Exception as error:  # the boundary: a camera must never take the worker down
             self._on_error(error)
         finally:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from radcam_depth_ros.encoder import OutputConfig
 from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
-from radcam_depth_ros.pipeline import PipelineConfig
+from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX, FrameBuilderConfig
 
 IMAGE_TRANSPORTS = ("raw", "compressed", "compressed_topic")
 
@@ -24,14 +24,16 @@ class NodeConfig:
         autostart: Configure and activate without being asked.
         image_transport: `raw` takes sensor_msgs/Image, `compressed` takes sensor_msgs/CompressedImage beside the
             images' topic, as image_transport names it, `compressed_topic` on that topic itself.
-        pipeline: What is read and how it is written.
+        frame_builder: What is read, and how frames are made of it.
         estimator: How depth is estimated.
+        output: How depth is written.
     """
 
     autostart: bool = True
     image_transport: str = "raw"
-    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    frame_builder: FrameBuilderConfig = field(default_factory=FrameBuilderConfig)
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
+    output: OutputConfig = field(default_factory=OutputConfig)
 
     def __post_init__(self) -> None:
         if self.image_transport not in IMAGE_TRANSPORTS:
@@ -42,7 +44,7 @@ class NodeConfig:
     @property
     def image_topic(self) -> str:
         """The images' topic as `image_transport` has it, before the node's namespace and remappings."""
-        name = self.pipeline.image
+        name = self.frame_builder.image
         if self.image_transport == "compressed":
             return f"{name.removesuffix(COMPRESSED_SUFFIX)}{COMPRESSED_SUFFIX}"
         return name

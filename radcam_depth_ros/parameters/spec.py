@@ -11,14 +11,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from radcam_depth_ros import estimator, pairing
+from radcam_depth_ros.encoder import OutputConfig
+from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
-from radcam_depth_ros.pipeline import OutputConfig, Pipeline
 
 _ADJUSTABLE = frozenset(
     (
-        *(f"pipeline.{name}" for name in Pipeline.ADJUSTABLE),
-        *(f"pipeline.output.{entry.name}" for entry in dataclasses.fields(OutputConfig)),
-        *(f"pipeline.pairing.{name}" for name in pairing.ADJUSTABLE),
+        *(f"frame_builder.{name}" for name in FrameBuilder.ADJUSTABLE),
+        *(f"output.{entry.name}" for entry in dataclasses.fields(OutputConfig)),
+        *(f"frame_builder.pairing.{name}" for name in pairing.ADJUSTABLE),
         *(f"estimator.{name}" for name in estimator.ADJUSTABLE),
     )
 )

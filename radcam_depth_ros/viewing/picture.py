@@ -7,9 +7,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from radcam_depth_ros.encoder import image_at
 from radcam_depth_ros.frame import DepthResult, Frame, ImageArray, RadcamDepthError
 from radcam_depth_ros.geometry import project
-from radcam_depth_ros.pipeline import image_at
 from radcam_depth_ros.reporting.pictures import (
     BACKGROUND,
     DEPTH_TICKS_M,

@@ -9,14 +9,13 @@ import numpy as np
 
 from radcam_depth_ros.bags import TopicInfo, header_stamp_ns
 from radcam_depth_ros.bags.topics import IMAGE_TYPES
+from radcam_depth_ros.encoder import OUTPUTS
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
 from radcam_depth_ros.messages import Calibration, decode_depth
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS
 
-_DEPTH = OUTPUT_TOPICS["depth"]
-_CAMERA_INFO = OUTPUT_TOPICS["depth_camera_info"]
-_SEMI_DENSE = OUTPUT_TOPICS["semi_dense"]
-_CONFIDENCE = OUTPUT_TOPICS["confidence"]
+_DEPTH, _CAMERA_INFO, _SEMI_DENSE, _CONFIDENCE = (
+    OUTPUTS[name].topic for name in ("depth", "depth_camera_info", "semi_dense", "confidence")
+)
 _JUMP_NS = 1_000_000_000
 """Live stamps that go back further begin anew, as those of a bag that is played in a loop."""
 

@@ -103,25 +103,25 @@ def test_options_win_over_the_file(read: Callable[..., Any]) -> None:
         "depth_encoding": "16UC1",
     }
     node = read(**file)
-    assert node.config.pipeline.pairing.radar_sweeps == 3
+    assert node.config.frame_builder.pairing.radar_sweeps == 3
     assert node.config.estimator.model_file == "mine.pt"
     given = {"image_topic": "/b", "radar_topics": ["/r"], "radar_sweeps": 1, "network": "structured", "device": None}
     node = read(given, **file)
     assert node.topics == TopicChoice(image="/b", radars=("/r",), odometry="")
-    assert node.config.pipeline.pairing.radar_sweeps == 1
+    assert node.config.frame_builder.pairing.radar_sweeps == 1
     assert (node.config.estimator.network, node.config.estimator.model_file) == ("structured", "")
-    assert node.config.pipeline.output.depth_encoding == "16UC1"
+    assert node.config.output.depth_encoding == "16UC1"
 
 
 def test_what_makes_frames_is_the_nodes_config_itself(read: Callable[..., Any]) -> None:
     node = read(radar_topics=["/a", "/b"], radar_frame=["left", "right"], footprint_frame="road", radar_sweeps=3)
-    assert node.drive_settings().frame_builder == node.config.pipeline.frame_builder
+    assert node.drive_settings().frame_builder == node.config.frame_builder
     assert type(node.drive_settings().frame_builder) is FrameBuilderConfig
 
 
 def test_extrinsics_by_option_are_of_as_many_radars_as_there_are_numbers() -> None:
     node = node_parameters(None, {"camera_from_radar": POSE * 2})
-    assert (len(node.config.pipeline.radars), node.topics.radars) == (2, None)
+    assert (len(node.config.frame_builder.radars), node.topics.radars) == (2, None)
     with pytest.raises(RadcamDepthError, match="camera_from_radar"):
         node_parameters(None, {"camera_from_radar": POSE[:3]})
 

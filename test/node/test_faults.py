@@ -61,8 +61,10 @@ def begin(bench: Any, radar_time_offset_s: float) -> None:
     assert bench.set_parameter("radar_time_offset_s", radar_time_offset_s) == ""
     assert bench.change_state("activate")
     bench.connect()
-    pipeline = bench.node._session.pipeline
-    bench.send_until(lambda: pipeline.camera, lambda: bench.send("camera_info", bench.camera_info()), "calibration")
+    frame_builder = bench.node._session.frame_builder
+    bench.send_until(
+        lambda: frame_builder.camera, lambda: bench.send("camera_info", bench.camera_info()), "calibration"
+    )
     for heard in (bench.depth, bench.logs):
         heard.clear()
     bench.diagnostics.clear()
@@ -74,7 +76,7 @@ def settle(bench: Any, unreadable: int = 0) -> None:
     session = bench.node._session
 
     def is_idle() -> bool:
-        counts = session.pipeline.counts
+        counts = session.frame_builder.counts
         are_read = all(
             session.accepted[part] == session.rates[part].count - (unreadable if part == "camera" else 0)
             for part in ("camera", RADAR)

@@ -21,14 +21,16 @@ import pytest
 import yaml
 from launch_mappings import launch_mappings, mapping_keys
 
+from radcam_depth_ros.encoder import OUTPUTS
+from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.node.latency import LATENCY_TOPICS
 from radcam_depth_ros.parameters import PARAMETERS
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS, PipelineConfig
 
 ROOT = Path(__file__).parents[2]
 LAUNCH = ROOT / "launch"
 NAMES = {spec.name for spec in PARAMETERS}
-INPUTS = (PipelineConfig().image, PipelineConfig().calibration_topic, *PipelineConfig().radars)
+OUTPUT_TOPICS = tuple(output.topic for output in OUTPUTS.values())
+INPUTS = (FrameBuilderConfig().image, FrameBuilderConfig().calibration_topic, *FrameBuilderConfig().radars)
 PYTHON_FILES = sorted(LAUNCH.glob("*.py"))
 
 
@@ -76,7 +78,7 @@ def test_the_xml_include_remaps_every_topic_of_the_node() -> None:
     defaults = {f"$(var {argument.get('name')})": argument.get("default") for argument in root.findall("arg")}
     (node,) = root.findall("node")
     remaps = {remap.get("from"): remap.get("to") for remap in node.findall("remap")}
-    assert set(remaps) == {*INPUTS, *OUTPUT_TOPICS.values(), *LATENCY_TOPICS.values()}
+    assert set(remaps) == {*INPUTS, *OUTPUT_TOPICS, *LATENCY_TOPICS.values()}
     assert all(defaults[str(to)] == topic for topic, to in remaps.items()), "by default each has its own name"
 
 
@@ -92,7 +94,7 @@ def test_rviz_shows_topics_that_exist() -> None:
     config = yaml.safe_load((ROOT / "rviz" / "radcam_depth.rviz").read_text(encoding="utf-8"))
     displays = config["Visualization Manager"]["Displays"]
     topics = {display["Topic"]["Value"] for display in displays if "Topic" in display}
-    assert topics <= {f"/{topic}" for topic in (*OUTPUT_TOPICS.values(), *PipelineConfig().radars)}
+    assert topics <= {f"/{topic}" for topic in (*OUTPUT_TOPICS, *FrameBuilderConfig().radars)}
     (shown,) = [
         ast.literal_eval(node.value)
         for node in ast.parse((LAUNCH / "depth.launch.py").read_text(encoding="utf-8")).body
@@ -172,7 +174,7 @@ class Launched:
         self.share.mkdir()
         for name in ("config", "launch", "rviz"):
             (self.share / name).symlink_to(ROOT / name)
-        topics = (*INPUTS, *OUTPUT_TOPICS.values())
+        topics = (*INPUTS, *OUTPUT_TOPICS)
         text = STAND_IN.format(python=sys.executable, topics=topics, folder=str(self._told))
         executable(folder / "lib" / "radcam_depth_ros" / "radcam_depth_node", text)
         player = PLAYER.format(python=sys.executable, path=str(self._told / "played.json"))

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from radcam_depth_ros.encoder import OUTPUTS
 from radcam_depth_ros.estimator import Estimator
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS
 
 
 def test_depth_comes_from_a_node_that_was_only_started(start: Callable[..., Any]) -> None:
@@ -28,9 +28,8 @@ def test_every_output_has_the_stamp_and_frame_of_its_image(
 ) -> None:
     bench = start(lambda config: make_estimator(config, tells_classes=True))
     inbox: dict[str, list[Any]] = {}
-    for name, topic in OUTPUT_TOPICS.items():
-        kind = "CameraInfo" if "camera_info" in name else "PointCloud2" if name == "points" else "Image"
-        bench.subscribe(topic, f"sensor_msgs/msg/{kind}", inbox.setdefault(topic, []).append)
+    for output in OUTPUTS.values():
+        bench.subscribe(output.topic, output.type_name, inbox.setdefault(output.topic, []).append)
     bench.connect()
     bench.send_until(lambda: all(inbox.values()), what="all outputs")
     for topic, messages in inbox.items():
@@ -44,19 +43,24 @@ def test_preview_points_and_classes_are_made_only_while_somebody_subscribes(
 ) -> None:
     bench = start(lambda config: make_estimator(config, tells_classes=True))
     bench.connect()
-    asked: dict[str, bool] = {}
+    asked: dict[str, set[str]] = {}
     pipeline = bench.node._session.pipeline
 
-    def noting(half: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda *given, **wanted: (asked.update(wanted), half(*given, **wanted))[1]
+    def noting(name: str) -> Callable[..., Any]:
+        stage = getattr(pipeline, name)
+        return lambda *given: (asked.update({name: set(given[-1])}), stage(*given))[1]
 
-    pipeline.estimate, pipeline.encode = noting(pipeline.estimate), noting(pipeline.encode)
+    def are_asked(*on_demand: str) -> bool:
+        wanted = {name for name, output in OUTPUTS.items() if not output.is_on_demand} | {*on_demand}
+        return asked == {"estimate": wanted, "encode": wanted}
+
+    pipeline.estimate, pipeline.encode = noting("estimate"), noting("encode")
     bench.await_depth()
-    assert asked == {"preview": False, "points": False, "classes": False}
+    assert are_asked()
     bench.subscribe("depth/preview", "sensor_msgs/msg/Image", lambda _: None)
-    bench.send_until(lambda: asked == {"preview": True, "points": False, "classes": False}, what="a preview")
+    bench.send_until(lambda: are_asked("preview"), what="a preview")
     bench.subscribe("semantics/image", "sensor_msgs/msg/Image", lambda _: None)
-    bench.send_until(lambda: asked == {"preview": True, "points": False, "classes": True}, what="classes")
+    bench.send_until(lambda: are_asked("preview", "semantics"), what="classes")
 
 
 def test_compressed_images_on_the_topic_beside(start: Callable[..., Any]) -> None:

@@ -147,7 +147,7 @@ def test_parameters_are_judged_together(context: Any) -> None:
     near, far = Parameter("preview_near_m", value=100.0), Parameter("preview_far_m", value=200.0)
     assert "preview_near_m < preview_far_m" in node.set_parameters([near])[0].reason
     assert node.set_parameters_atomically([near, far]).successful
-    assert parameters.read().pipeline.output.preview_near_m == 100.0
+    assert parameters.read().output.preview_near_m == 100.0
     node.destroy_node()
 
 
@@ -158,7 +158,7 @@ def test_what_does_not_fit_what_else_is_set_is_refused(context: Any) -> None:
     assert "no depth would ever come out" in node.set_parameters([Parameter("radar_topics", value=[""])])[0].reason
     both = [Parameter("radar_topics", value=[""]), Parameter("without_radar", value="hold")]
     assert node.set_parameters_atomically(both).successful
-    assert parameters.read().pipeline.without_radar == "hold"
+    assert parameters.read().frame_builder.without_radar == "hold"
     node.destroy_node()
 
 
@@ -199,7 +199,7 @@ def test_while_they_are_frozen_only_what_is_adjustable_changes_and_who_uses_it_i
     assert "must be a text, got" in node.set_parameters([Parameter("radar_frame", value=3)])[0].reason
     assert told == [("network",)]
     read = parameters.read()
-    assert (read.pipeline.pairing.max_wait_s, read.estimator.output_size) == (0.2, "network")
+    assert (read.frame_builder.pairing.max_wait_s, read.estimator.output_size) == (0.2, "network")
     node.destroy_node()
 
 
@@ -227,7 +227,7 @@ def test_what_is_of_each_radar_is_one_value_or_a_list(context: Any) -> None:
     node = Node("radcam_depth", context=context)
     parameters = Parameters(node)
     assert node.set_parameters([Parameter("radar_frame", value="radar")])[0].successful
-    assert parameters.read().pipeline.radar_frame == "radar"
+    assert parameters.read().frame_builder.radar_frame == "radar"
     several = [
         Parameter("radar_topics", value=["/front", "/rear"]),
         Parameter("radar_frame", value=["", "rear"]),
@@ -235,7 +235,7 @@ def test_what_is_of_each_radar_is_one_value_or_a_list(context: Any) -> None:
         Parameter("radar_fields", value=["", "rcs=power"]),
     ]
     assert node.set_parameters_atomically(several).successful
-    pipeline = parameters.read().pipeline
+    pipeline = parameters.read().frame_builder
     assert (pipeline.radar_frame, pipeline.pairing.radar_time_offset_s) == (("", "rear"), (0.0, -0.05))
     assert [aliases.rcs for aliases in pipeline.field_aliases()][1] == ("power",)
     assert "one for each of 1, got 2" in node.set_parameters([Parameter("radar_topics", value=["/front"])])[0].reason

@@ -32,8 +32,8 @@ def test_the_node_takes_the_file(context: Any, path: Path) -> None:
     assert set(section["ros__parameters"]) <= NAMES, "a name that the node does not know"
     config = read(context, path)
     assert config != NodeConfig()
-    assert config.pipeline.radars != NodeConfig().pipeline.radars
-    assert all(topic.startswith("/") for topic in config.pipeline.radars)
+    assert config.frame_builder.radars != NodeConfig().frame_builder.radars
+    assert all(topic.startswith("/") for topic in config.frame_builder.radars)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -46,5 +46,5 @@ def test_astyx_is_as_its_bags_are(context: Any, astyx_val: Path) -> None:
     config = read(context, FOLDER / "astyx.yaml")
     with BagReader(astyx_val) as reader:
         topics = find_topics(reader.topics)
-    assert topics.image == f"{config.pipeline.image}/{config.image_transport}"
-    assert (topics.camera_info, topics.radars) == (config.pipeline.calibration_topic, config.pipeline.radars)
+    assert topics.image == f"{config.frame_builder.image}/{config.image_transport}"
+    assert (topics.camera_info, topics.radars) == (config.frame_builder.calibration_topic, config.frame_builder.radars)

@@ -24,7 +24,7 @@ def test_an_image_waits_for_its_sweep_by_the_clock_of_the_bag(start: Callable[..
         return lambda: bool(bench.node.get_clock().now().nanoseconds == seconds * 1_000_000_000)
 
     def images() -> int:
-        return int(bench.node._session.pipeline.counts.images)
+        return int(bench.node._session.frame_builder.counts.images)
 
     tell(100)
     bench.until(is_told(100), what="the clock")

@@ -56,8 +56,8 @@ def test_a_section_is_the_nodes_by_name_or_wildcard(read: Read, text: str, names
 def test_values_are_those_of_ros(read: Read) -> None:
     file = read("/**: {ros__parameters: {max_wait_s: 5e-2, max_hold_s: 1, radar_topics: [''], device: cpu}}")
     config = build_config(file.values)
-    assert (config.pipeline.pairing.max_wait_s, config.pipeline.max_hold_s) == (0.05, 1.0)
-    assert (config.pipeline.radars, config.estimator.device) == ((), "cpu")
+    assert (config.frame_builder.pairing.max_wait_s, config.frame_builder.max_hold_s) == (0.05, 1.0)
+    assert (config.frame_builder.radars, config.estimator.device) == ((), "cpu")
 
 
 def test_what_a_running_node_alone_needs_is_set_apart(read: Read) -> None:

@@ -22,7 +22,7 @@ ParamsOption = Annotated[
         "extrinsics, sweeps, network. Options that are given besides win over it.",
     ),
 ]
-OUTPUT = ("pipeline.output.", "estimator.output_size")
+OUTPUT = ("output.", "estimator.output_size")
 """Fields of the node's config that say how depth is written."""
 INFERENCE = ("estimator.model_file", "estimator.device", "estimator.precision", "estimator.threads")
 """Fields of the node's config that say how depth is estimated, besides the network's name."""
@@ -45,7 +45,7 @@ class NodeParameters:
         """How bags are read; `settings` are fields of `DriveSettings` that no parameter sets."""
         from radcam_depth_ros.drive import DriveSettings
 
-        return DriveSettings(frame_builder=self.config.pipeline.frame_builder, topics=self.topics, **settings)
+        return DriveSettings(frame_builder=self.config.frame_builder, topics=self.topics, **settings)
 
 
 def node_parameters(
@@ -115,14 +115,14 @@ def _named_topics(config: NodeConfig, namespace: str) -> dict[str, Any]:
             return f"{namespace}/{NODE_NAME}{name[1:]}"
         return name if name.startswith("/") else f"{namespace}/{name}"
 
-    usual, pipeline = NodeConfig().pipeline, config.pipeline
-    image, radars = full(config.image_topic), tuple(full(topic) for topic in pipeline.radars)
-    is_usual_image, are_usual_radars = pipeline.image == usual.image, pipeline.radars == usual.radars
+    usual, given = NodeConfig().frame_builder, config.frame_builder
+    image, radars = full(config.image_topic), tuple(full(topic) for topic in given.radars)
+    is_usual_image, are_usual_radars = given.image == usual.image, given.radars == usual.radars
     return {
         "image": None if is_usual_image else image,
-        "camera_info": full(pipeline.camera_info) if pipeline.camera_info else None,
+        "camera_info": full(given.camera_info) if given.camera_info else None,
         "radars": None if are_usual_radars else radars,
-        "odometry": full(pipeline.odometry) if pipeline.odometry else "",
+        "odometry": full(given.odometry) if given.odometry else "",
         "preferred": ((image,) if is_usual_image else ()) + (radars if are_usual_radars else ()),
         "is_compressed": config.is_compressed,
     }

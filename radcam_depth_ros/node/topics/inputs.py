@@ -92,19 +92,20 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     Raises:
         ParameterError: for a name that is none.
     """
-    image, transport = _full_name(node, config.pipeline.image), config.image_transport
+    given, transport = config.frame_builder, config.image_transport
+    image = _full_name(node, given.image)
     if transport == COMPRESSED:
         # As image_transport does, which may have its own topics remapped as well.
         image = _full_name(node, image.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX)
     image_type = IMAGE_TYPES.get(transport, IMAGE_TYPES[COMPRESSED])
-    radars = tuple(_full_name(node, topic) for topic in config.pipeline.radars)
+    radars = tuple(_full_name(node, topic) for topic in given.radars)
     static, dynamic = _transforms()
-    pipeline, has_messages = config.pipeline, has_transform_messages()
+    has_messages = has_transform_messages()
     odometry = None
-    if pipeline.moves_radar and pipeline.odometry:
+    if given.moves_radar and given.odometry:
         odometry = Input(
             "odometry",
-            _full_name(node, pipeline.odometry),
+            _full_name(node, given.odometry),
             ODOMETRY_TYPE,
             50,
             parameter="odometry_topic",
@@ -114,7 +115,7 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
         camera=Input("camera", image, image_type, 2, parameter="image_topic"),
         camera_info=Input(
             "camera_info",
-            _full_name(node, config.pipeline.calibration_topic),
+            _full_name(node, given.calibration_topic),
             "sensor_msgs/msg/CameraInfo",
             2,
             parameter="camera_info_topic",
@@ -125,8 +126,8 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
         ),
         transforms=(static, dynamic) if has_messages else (),
         odometry=odometry,
-        extrinsics=static if has_messages and pipeline.needs_transforms else None,
-        motion=odometry or (dynamic if has_messages and pipeline.moves_radar else None),
+        extrinsics=static if has_messages and given.needs_transforms else None,
+        motion=odometry or (dynamic if has_messages and given.moves_radar else None),
     )
 
 

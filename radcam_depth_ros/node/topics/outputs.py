@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, QoSOfferedIncompatibleQoSInfo
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from radcam_depth_ros.encoder import OUTPUTS, Output
 from radcam_depth_ros.node.topics.factory import message_class
-from radcam_depth_ros.pipeline import OUTPUT_TOPICS, DepthMessages
 
-_TYPES = {
-    "depth_camera_info": "sensor_msgs/msg/CameraInfo",
-    "semi_dense_camera_info": "sensor_msgs/msg/CameraInfo",
-    "points": "sensor_msgs/msg/PointCloud2",
-}
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 """Policies that `qos_overrides.<topic>.publisher.*` parameters change."""
 
@@ -34,36 +30,38 @@ class Outputs:
         self._on_problem = on_problem
         self._publishers: dict[str, LifecyclePublisher] = {}
         try:
-            for name in OUTPUT_TOPICS:
-                if name != "classes":
-                    self._publishers[name] = self._create(name)
+            self.offer(has_classes=False)
         except Exception:
             self.destroy()
             raise
 
-    def offer_classes(self, offered: bool) -> None:
-        """Whether there is a topic of class images: it comes and goes with networks that tell, the others stay."""
-        if offered and "classes" not in self._publishers:
-            self._publishers["classes"] = self._create("classes")
-        elif not offered and "classes" in self._publishers:
-            self._node.destroy_lifecycle_publisher(self._publishers.pop("classes"))
+    def offer(self, *, has_classes: bool) -> None:
+        """Makes the publishers of a network with or without a class output; those that are there stay."""
+        for name, output in OUTPUTS.items():
+            is_offered = has_classes or not output.needs_classes
+            if is_offered and name not in self._publishers:
+                self._publishers[name] = self._create(output)
+            elif not is_offered and name in self._publishers:
+                self._node.destroy_lifecycle_publisher(self._publishers.pop(name))
 
-    def is_wanted(self, name: str) -> bool:
-        """Whether anybody subscribes to an output, by its field's name in `DepthMessages`."""
-        publisher = self._publishers.get(name)
-        return publisher is not None and bool(publisher.get_subscription_count() > 0)
+    def wanted(self) -> tuple[str, ...]:
+        """Names of the outputs to make now: those on demand only while they have a subscriber."""
+        return tuple(
+            name
+            for name, publisher in self._publishers.items()
+            if not OUTPUTS[name].is_on_demand or publisher.get_subscription_count() > 0
+        )
 
-    def publish(self, messages: DepthMessages) -> None:
-        """Publishes what a frame gave."""
-        for name, publisher in self._publishers.items():
-            message = getattr(messages, name)
-            if message is not None:
-                publisher.publish(message)
+    def publish(self, messages: Mapping[str, Any]) -> None:
+        """Publishes a frame's messages, by the names of their outputs."""
+        for name, message in messages.items():
+            if name in self._publishers:
+                self._publishers[name].publish(message)
 
     def subscribers(self) -> tuple[tuple[str, str], ...]:
         """How many subscribe to each topic, as diagnostics values."""
         return tuple(
-            (OUTPUT_TOPICS[name], f"{publisher.get_subscription_count()} subscribers")
+            (OUTPUTS[name].topic, f"{publisher.get_subscription_count()} subscribers")
             for name, publisher in self._publishers.items()
         )
 
@@ -73,8 +71,8 @@ class Outputs:
             self._node.destroy_lifecycle_publisher(publisher)
         self._publishers.clear()
 
-    def _create(self, name: str) -> LifecyclePublisher:
-        topic = OUTPUT_TOPICS[name]
+    def _create(self, output: Output) -> LifecyclePublisher:
+        topic = output.topic
 
         def on_incompatible(event: QoSOfferedIncompatibleQoSInfo) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
@@ -85,7 +83,7 @@ class Outputs:
             )
 
         publisher: LifecyclePublisher = self._node.create_lifecycle_publisher(
-            message_class(_TYPES.get(name, "sensor_msgs/msg/Image")),
+            message_class(output.type_name),
             topic,
             # A reliable writer serves both kinds of readers.
             QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE),

@@ -1,0 +1,280 @@
+"""Encodes a frame's depth as ROS messages; the table `OUTPUTS` has every output topic with its type and its encoder.
+
+The node's publishers, the bag of a replay, the README's table and the launch file's arguments all follow this table.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, ImageArray, RadcamDepthError
+from radcam_depth_ros.geometry import CanonicalCamera
+from radcam_depth_ros.messages import (
+    COLORMAPS,
+    DEPTH_ENCODINGS,
+    MessageFactory,
+    encode_camera_info,
+    encode_cloud,
+    encode_confidence,
+    encode_depth,
+    encode_image,
+    encode_preview,
+)
+from radcam_depth_ros.resampling import rectify, resample_image
+
+
+class EncoderError(RadcamDepthError):
+    """An output setting that cannot be used."""
+
+
+@dataclass(frozen=True)
+class OutputConfig:
+    """How depth is written.
+
+    Attributes:
+        depth_encoding: `32FC1` metres with NaN for "no value", or `16UC1` millimetres with 0.
+        preview_colormap: Colours of the preview, one of `COLORMAPS`.
+        preview_near_m: What is nearer, in metres, has the preview's first colour.
+        preview_far_m: What is further, in metres, has the preview's last colour.
+        points_stride: The point cloud has a point for each square of so many pixels' width.
+        points_near_m: What is nearer, in metres, gives no point.
+        points_far_m: What is further, in metres, gives no point.
+    """
+
+    depth_encoding: str = "32FC1"
+    preview_colormap: str = "turbo"
+    preview_near_m: float = 2.0
+    preview_far_m: float = 80.0
+    points_stride: int = 1
+    points_near_m: float = 0.0
+    points_far_m: float = 1000.0
+
+    def __post_init__(self) -> None:
+        for name, known in (("depth_encoding", DEPTH_ENCODINGS), ("preview_colormap", COLORMAPS)):
+            if getattr(self, name) not in known:
+                raise EncoderError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
+        if not 0 < self.preview_near_m < self.preview_far_m:
+            raise EncoderError(
+                f"the preview needs 0 < preview_near_m < preview_far_m, got {self.preview_near_m} and "
+                f"{self.preview_far_m}"
+            )
+        if self.points_stride < 1:
+            raise EncoderError(f"points_stride must be 1 (each pixel) or more, got {self.points_stride}")
+        if not 0 <= self.points_near_m < self.points_far_m:
+            raise EncoderError(
+                f"the point cloud needs 0 <= points_near_m < points_far_m, got {self.points_near_m} and "
+                f"{self.points_far_m}"
+            )
+
+
+@dataclass(frozen=True)
+class EncoderInput:
+    """Everything that an output's encoder may use.
+
+    Attributes:
+        factory: Builds messages.
+        config: How depth is written.
+        frame: The frame.
+        result: Its depth.
+    """
+
+    factory: MessageFactory
+    config: OutputConfig
+    frame: Frame
+    result: DepthResult
+
+    @property
+    def stamp(self) -> tuple[int, str]:
+        """Stamp (ns) and frame_id of the messages."""
+        return self.frame.stamp_ns, self.frame.frame_id
+
+    @cached_property
+    def camera_info(self) -> Any:
+        """sensor_msgs/CameraInfo of the depth images."""
+        return encode_camera_info(self.factory, self.result.camera, *self.stamp)
+
+
+class Replayed(enum.Enum):
+    """When a replay writes an output."""
+
+    ALWAYS = "always"
+    WITH_OPTION = "with the option of its name"
+    NEVER = "never"
+
+
+@dataclass(frozen=True)
+class Output:
+    """One output topic.
+
+    Attributes:
+        name: Its key in `OUTPUTS`.
+        topic: Topic name, relative to the node's namespace.
+        type_name: Message type.
+        encode: Makes the message.
+        description: What the message holds, for the README.
+        is_on_demand: The node makes it only while the topic has a subscriber.
+        needs_classes: Only networks with a class output have it.
+        replayed: When a replay writes it.
+    """
+
+    name: str
+    topic: str
+    type_name: str
+    encode: Callable[[EncoderInput], Any]
+    description: str
+    is_on_demand: bool = False
+    needs_classes: bool = False
+    replayed: Replayed = Replayed.ALWAYS
+
+
+def _depth(given: EncoderInput) -> Any:
+    return encode_depth(given.factory, given.result.dense, *given.stamp, encoding=given.config.depth_encoding)
+
+
+def _semi_dense(given: EncoderInput) -> Any:
+    return encode_depth(given.factory, given.result.semi_dense, *given.stamp, encoding=given.config.depth_encoding)
+
+
+def _camera_info(given: EncoderInput) -> Any:
+    return given.camera_info
+
+
+def _confidence(given: EncoderInput) -> Any:
+    return encode_confidence(given.factory, given.result.confidence, *given.stamp)
+
+
+def _preview(given: EncoderInput) -> Any:
+    config = given.config
+    range_m = (config.preview_near_m, config.preview_far_m)
+    return encode_preview(given.factory, given.result.dense, *range_m, *given.stamp, colormap=config.preview_colormap)
+
+
+def _points(given: EncoderInput) -> Any:
+    config, result = given.config, given.result
+    return encode_cloud(
+        given.factory,
+        result.dense,
+        image_at(given.frame, result.camera),
+        result.camera,
+        *given.stamp,
+        stride=config.points_stride,
+        near_m=config.points_near_m,
+        far_m=config.points_far_m,
+    )
+
+
+def _semantics(given: EncoderInput) -> Any:
+    return encode_image(given.factory, given.result.classes, *given.stamp)  # type: ignore[arg-type]  # needs_classes
+
+
+_IMAGE, _CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+OUTPUTS = {
+    output.name: output
+    for output in (
+        Output(
+            "depth",
+            "depth/image_rect",
+            _IMAGE,
+            _depth,
+            'Dense depth: 32FC1 in metres, or 16UC1 in millimetres with 0 for "no value" (`depth_encoding`).',
+        ),
+        Output(
+            "depth_camera_info",
+            "depth/camera_info",
+            _CAMERA_INFO,
+            _camera_info,
+            "Calibration of the dense depth image, as depth_image_proc expects it.",
+        ),
+        Output(
+            "semi_dense",
+            "semi_dense/image_rect",
+            _IMAGE,
+            _semi_dense,
+            "Semi-dense depth: depth of the associated radar return where both stages are confident, NaN elsewhere.",
+        ),
+        Output(
+            "semi_dense_camera_info",
+            "semi_dense/camera_info",
+            _CAMERA_INFO,
+            _camera_info,
+            "Calibration of the semi-dense depth image.",
+        ),
+        Output(
+            "confidence",
+            "depth/confidence",
+            _IMAGE,
+            _confidence,
+            "32FC1, 0 to 1: probability that the dense depth is within 10 % of the truth.",
+        ),
+        Output(
+            "preview",
+            "depth/preview",
+            _IMAGE,
+            _preview,
+            "rgb8, dense depth in colours: near is warm or light (`preview_colormap`).",
+            is_on_demand=True,
+            replayed=Replayed.WITH_OPTION,
+        ),
+        Output(
+            "points",
+            "depth/points",
+            "sensor_msgs/msg/PointCloud2",
+            _points,
+            "Dense depth as points x y z rgb, thinned by `points_stride`.",
+            is_on_demand=True,
+            replayed=Replayed.WITH_OPTION,
+        ),
+        Output(
+            "semantics",
+            "semantics/image",
+            _IMAGE,
+            _semantics,
+            "mono8, the Cityscapes class (0 to 18) of each pixel, at the size of the dense depth.",
+            is_on_demand=True,
+            needs_classes=True,
+        ),
+    )
+}
+"""Every output topic, by name."""
+
+
+class Encoder:
+    """Encodes depth as messages.
+
+    Args:
+        config: How depth is written; may be replaced between two frames.
+        factory: Builds the messages.
+    """
+
+    def __init__(self, config: OutputConfig, factory: MessageFactory) -> None:
+        self.config = config
+        self._factory = factory
+
+    def encode(self, frame: Frame, result: DepthResult, wanted: Collection[str]) -> dict[str, Any]:
+        """Encodes a frame's depth; the images' memory becomes the messages'.
+
+        Args:
+            frame: The frame.
+            result: Its depth.
+            wanted: Names of the outputs to make.
+
+        Returns:
+            A message for each wanted output, by its name; those that need classes only where the result has classes.
+        """
+        given = EncoderInput(self._factory, self.config, frame, result)
+        return {
+            name: output.encode(given)
+            for name, output in OUTPUTS.items()
+            if name in wanted and not (output.needs_classes and result.classes is None)
+        }
+
+
+def image_at(frame: Frame, camera: CameraModel) -> ImageArray:
+    """The frame's image, rectified, at the size of its depth."""
+    if camera == frame.camera:
+        return rectify(frame.image, camera, frame.lens)
+    return resample_image(frame.image, CanonicalCamera(frame.camera, camera, camera), frame.lens)
