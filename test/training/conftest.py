@@ -9,9 +9,9 @@ import pytest
 from radcam_depth_ros.drive import DriveSettings, Sample
 from radcam_depth_ros.evaluation import report
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.training.data import cache
 from radcam_depth_ros.training.data.cache import CacheSettings, build_drive
 from radcam_depth_ros.training.data.samples import CachedDrive
-from radcam_depth_ros.training.drives import cache
 
 DRAWING = {"test_a_page_holds_all_that_it_shows", "test_a_network_is_trained_and_trained_on"}
 """Tests in which the plots of a training's page are drawn; that takes most of the time of a short training."""
