@@ -37,7 +37,7 @@ FORMS: dict[str, dict[str, Any]] = {
         "channel_attention": False,
         "bidirectional": False,
     },
-    "16 returns a cell": {"considered": 16},
+    "16 returns a cell": {"returns_per_cell": 16},
     "narrower": {"channels": [32, 48, 96, 128]},
     "wider": {"channels": [48, 96, 160, 224]},
     "one block a level": {"blocks": [1, 1, 1, 1]},

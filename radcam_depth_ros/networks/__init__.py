@@ -2,6 +2,7 @@
 
 from radcam_depth_ros.networks.baff.baseline import Baseline
 from radcam_depth_ros.networks.baff.network import Baff, BaffConfig
+from radcam_depth_ros.networks.baff_paper.network import BaffPaper, BaffPaperConfig
 from radcam_depth_ros.networks.cafnet import Cafnet, CafnetConfig, CafnetOutputs
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
@@ -16,6 +17,8 @@ __all__ = [
     "Association",
     "Baff",
     "BaffConfig",
+    "BaffPaper",
+    "BaffPaperConfig",
     "Baseline",
     "Cafnet",
     "CafnetConfig",

@@ -94,6 +94,7 @@ class Network(nn.Module):
         backbones: Names of the submodules that take the weights of public checkpoints.
         adjustable: Names of the config's values that no weight depends on: they may be changed after training.
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
+        paper_network: Name of the network that is this form, with the values of `paper`; empty for the network itself.
     """
 
     about: ClassVar[str] = ""
@@ -103,6 +104,7 @@ class Network(nn.Module):
     backbones: ClassVar[tuple[str, ...]] = ()
     adjustable: ClassVar[tuple[str, ...]] = ()
     paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    paper_network: ClassVar[str] = ""
 
     @classmethod
     def tells_classes(cls, config: Any) -> bool:
@@ -135,3 +137,8 @@ class SinglePass(Network):
     def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Any:
         """A NamedTuple of the network's own; arguments as in `forward`."""
         raise TypeError(f"{type(self).__name__} does not define outputs")
+
+
+def learns(module: nn.Module) -> bool:
+    """Whether any of a module's weights is trained."""
+    return any(parameter.requires_grad for parameter in module.parameters())

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 from radcam_depth_ros import configuration
 from radcam_depth_ros.networks.config import ArchitectureError
 from radcam_depth_ros.networks.interface import Network
+from radcam_depth_ros.networks.migration import migrated
 
 NetworkT = TypeVar("NetworkT", bound=type[Network])
 
@@ -39,13 +40,17 @@ def create_config(name: str, architecture: Mapping[str, Any] | None = None) -> A
 
     Args:
         name: One of `names()`.
-        architecture: Its values; those left out take their defaults.
+        architecture: Its values; those left out take their defaults. Keys of earlier versions are read, with a warning.
 
     Raises:
         ArchitectureError: for an unknown name, or values that do not fit together.
         ConfigurationError: for an unknown key.
     """
-    return configuration.build(find(name).config_type, architecture or {}, f"the architecture of {name}")
+    config_type = find(name).config_type
+    network, values = migrated(name, architecture or {})
+    if network != name:
+        raise ArchitectureError(f"this form of {name} is a network of its own now; name {network} instead")
+    return configuration.build(config_type, values, f"the architecture of {name}")
 
 
 def create(name: str, architecture: Mapping[str, Any] | None = None) -> Network:

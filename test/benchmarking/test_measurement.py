@@ -78,7 +78,7 @@ def test_an_exported_network_is_one_piece(tmp_path: Path, small_weights: Path) -
 @pytest.mark.parametrize("name", names())
 def test_each_stage_of_the_networks_is_there_and_called_once(name: str) -> None:
     found: set[tuple[str, str]] = set()
-    for architecture in ({}, registry.find(name).paper):
+    for architecture in ({}, {} if registry.find(name).paper_network else registry.find(name).paper):
         running = Running.start(Subject(name, architecture=architecture, mode="eager"))
         network, stages = running.loaded.network, running.loaded.stages
         found.update(stages)
@@ -92,7 +92,7 @@ def test_each_stage_of_the_networks_is_there_and_called_once(name: str) -> None:
 
 @pytest.mark.parametrize("name", names())
 def test_the_papers_form_can_be_built(name: str) -> None:
-    paper = registry.find(name).paper
+    paper, name = registry.find(name).paper, registry.find(name).paper_network or name
     loaded = Running.start(Subject(name, architecture=paper, mode="eager")).loaded
     config = loaded.network.config
     assert {key: getattr(config, key) for key in paper} == dict(paper)

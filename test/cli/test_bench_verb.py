@@ -16,7 +16,6 @@ from radcam_depth_ros.benchmarking.comparison import Against
 from radcam_depth_ros.benchmarking.subject import Loaded, Size, Subject
 from radcam_depth_ros.cli.terminal.bench_request import parse_against
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.networks.baff.network import PAPER
 from radcam_depth_ros.networks.weights_io import archive
 
 SIZE = Size(448, 800, 60)
@@ -30,7 +29,7 @@ def parse() -> Callable[[str], Against]:
 def test_the_papers_form_is_eager_float32_at_the_images_own_size(parse: Callable[[str], Against]) -> None:
     against = parse("paper")
     assert (against.subject.mode, against.subject.precision) == ("eager", "float32")
-    assert against.subject.architecture == PAPER
+    assert (against.subject.network, against.subject.architecture) == ("baff_paper", {})
     assert against.size(SIZE) == Size(896, 1600, 60)
     assert parse("paper,size=448x800,points=10").size(SIZE) == Size(448, 800, 10)
     assert parse("paper,mode=frozen").subject.mode == "frozen"

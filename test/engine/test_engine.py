@@ -22,13 +22,11 @@ from radcam_depth_ros.networks.weights_io.folding import folded
 
 Frame = tuple[Tensor, Tensor, Tensor]
 FORMS: dict[str, tuple[str, dict[str, object]]] = {
-    "embedding": ("baff", {"association": "embedding"}),
+    **{name: (name, {}) for name in networks.names() if name != "structured"},
     "regions": ("baff", {"association": "regions", "radar_map_size": [4, 5]}),
     # Not `seg`: between classes that are all but equal, rounding decides.
     "conf": ("structured", {"fusion": "conf", "backbone": "resnet18"}),
-    "baseline": ("baseline", {}),
-    "cafnet": ("cafnet", {}),
-    "lircdepth": ("lircdepth", {}),
+    "baff_paper": ("baff_paper", {"region_width_px": 96, "radar_map_size": [4, 5]}),
 }
 
 

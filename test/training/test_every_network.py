@@ -21,6 +21,7 @@ ONCE = dataclasses.replace(CONFIG, iterations=1, log_every_iterations=1, stages=
 SMALL: dict[str, dict[str, object]] = {
     "baff": {"channels": [8, 8, 8, 8]},
     "baseline": {"channels": [8, 8, 8, 8]},
+    "baff_paper": {"region_width_px": 32, "radar_map_size": [2, 1]},
     "structured": {"joined_channels": 16, "radar_channels": [4, 4, 4, 4, 4]},
 }
 

@@ -53,10 +53,12 @@ def parse_against(spec: str, subject: Subject) -> Against:
     is_paper = PAPER in values and values.pop(PAPER) is None
     architecture: dict[str, Any] = dict(subject.architecture)
     if is_paper:
-        paper = registry.find(_network_name(subject)).paper
-        if not paper:
+        network = registry.find(_network_name(subject))
+        if network.paper_network:
+            subject, architecture = replace(subject, network=network.paper_network, model_file=""), {}
+        elif not network.paper:
             raise RadcamDepthError(f"the network {subject.network} has no paper's form; say what should differ")
-        architecture.update(paper)
+        architecture.update(network.paper)
         values = {"mode": "eager", "precision": "float32", **values}
     height_width = parse_size(str(values.pop("size"))) if "size" in values else None
     points = parse_count(str(values.pop("points"))) if "points" in values else None

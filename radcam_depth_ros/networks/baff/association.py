@@ -89,7 +89,7 @@ class EmbeddingAssociation(nn.Module):
         points: Encoder of the returns.
         dims: Learned part of the vectors.
         region_width_px: Width of a return's region of interest.
-        considered: Returns that a cell finds.
+        returns_per_cell: Returns that a cell finds.
     """
 
     reaches: Final[int] = 4
@@ -99,12 +99,12 @@ class EmbeddingAssociation(nn.Module):
     outside: Final[float] = OUTSIDE
 
     def __init__(
-        self, channels: tuple[int, ...], points: PointEncoder, dims: int, region_width_px: int, considered: int
+        self, channels: tuple[int, ...], points: PointEncoder, dims: int, region_width_px: int, returns_per_cell: int
     ) -> None:
         super().__init__()
         self.region_width_px = region_width_px
         self.dims = dims
-        self.considered = considered
+        self.returns_per_cell = returns_per_cell
         self.points = points
         self.up_1_16 = UpSum(channels[3], channels[2], FEATURES[0])
         self.up_1_8 = UpSum(FEATURES[0], channels[1], FEATURES[1])
@@ -158,8 +158,8 @@ class EmbeddingAssociation(nn.Module):
         features = self.up_1_4(x_1_8, maps[0])
         pixels = self.pixel_head(features)
         # As many padding rows as a cell considers, so that there are always enough.
-        radar = functional.pad(radar, (0, 0, 0, self.considered), value=1.0)
-        valid = functional.pad(valid, (0, self.considered), value=False)
+        radar = functional.pad(radar, (0, 0, 0, self.returns_per_cell), value=1.0)
+        valid = functional.pad(valid, (0, self.returns_per_cell), value=False)
         known = self.points(radar, rows * self.cell_px, pixels.dtype)
         seen_1_4, seen_1_8 = _sample(features, radar, 4), _sample(x_1_8, radar, 8)
         points = self.point_head(self.joint(torch.cat([known, seen_1_4.to(known.dtype), seen_1_8.to(known.dtype)], 2)))
@@ -168,7 +168,7 @@ class EmbeddingAssociation(nn.Module):
         values = torch.cat([points.float(), radar[:, :, :3].float(), valid.float().unsqueeze(2)], dim=2)
         first = torch.arange(batch, device=index.device).reshape(-1, 1, 1) * radar.shape[1]
         chosen = values.flatten(0, 1).index_select(0, (index + first).flatten())
-        chosen = chosen.reshape(batch * rows * columns, self.considered, values.shape[2])
+        chosen = chosen.reshape(batch * rows * columns, self.returns_per_cell, values.shape[2])
         inside = pixels.reshape(batch, self.dims, rows, self.cell, columns, self.cell).permute(0, 2, 4, 3, 5, 1)
         inside = inside.reshape(batch * rows * columns, self.cell * self.cell, self.dims)
         logits = torch.bmm(chosen[:, :, : self.dims].to(inside.dtype), inside.transpose(1, 2)).float()
@@ -179,10 +179,10 @@ class EmbeddingAssociation(nn.Module):
         by_row, _ = self._course(chosen[:, :, middle:end], chosen[:, :, end + 2], top)
         usable = (distance <= 0.5 * self.region_width_px) & (chosen[:, :, -1:] > 0)
         by_column = torch.where(usable, by_column + chosen[:, :, end : end + 1], self.outside)
-        logits = logits.reshape(-1, self.considered, self.cell, self.cell)
+        logits = logits.reshape(-1, self.returns_per_cell, self.cell, self.cell)
         logits = logits + (by_column.unsqueeze(2) + by_row.unsqueeze(3))
-        logits = logits.reshape(batch, rows * columns, self.considered, self.cell * self.cell)
-        depths = chosen[:, :, end + 3].reshape(batch, rows * columns, self.considered)
+        logits = logits.reshape(batch, rows * columns, self.returns_per_cell, self.cell * self.cell)
+        depths = chosen[:, :, end + 3].reshape(batch, rows * columns, self.returns_per_cell)
         return logits, depths, features
 
     def _choose(self, pixels: Tensor, points: Tensor, radar: Tensor, valid: Tensor) -> Tensor:
@@ -199,7 +199,7 @@ class EmbeddingAssociation(nn.Module):
         usable = (distance <= 0.5 * (self.region_width_px + self.cell_px)) & valid.unsqueeze(2)
         by_column = torch.where(usable, by_column + points[:, :, end:], self.outside)
         scores = products.reshape(batch, -1, rows, columns) + (by_column.unsqueeze(2) + by_row.unsqueeze(3))
-        return torch.topk(scores.flatten(2).transpose(1, 2), self.considered, dim=2, sorted=False)[1]
+        return torch.topk(scores.flatten(2).transpose(1, 2), self.returns_per_cell, dim=2, sorted=False)[1]
 
     def _coarse_course(self, amplitudes: Tensor, centre: Tensor, count: int) -> tuple[Tensor, Tensor]:
         """As `_course`, at the middle of `count` cells: two (B, N, count) of (B, N, reaches) and (B, N)."""

@@ -1,6 +1,7 @@
 """`baseline`: two stages without attention, like RadarNet and FusionNet ([Singh2023])."""
 
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from radcam_depth_ros.networks.baff.network import Baff, BaffConfig
 from radcam_depth_ros.networks.registry import register
@@ -21,3 +22,4 @@ class Baseline(Baff):
 
     about = "baff without its bottom-up branch and attention"
     config_type = BaselineConfig
+    paper = MappingProxyType({"bidirectional": False, "channel_attention": False, "position_attention": False})

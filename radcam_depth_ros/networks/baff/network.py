@@ -3,27 +3,23 @@
 Section and equation numbers in comments are those of [Electronics2025].
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks.baff.association import FEATURES, OUTSIDE, EmbeddingAssociation, PointEncoder
-from radcam_depth_ros.networks.baff.fusion import PaperFusion
 from radcam_depth_ros.networks.baff.ground_refinement import RoadVotes
 from radcam_depth_ros.networks.baff.head import Choice, QuarterFusion
-from radcam_depth_ros.networks.baff.regions import RegionAssociation
+from radcam_depth_ros.networks.baff.regions import RegionAssociation, check_region_width
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
-from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs
+from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs, learns
 from radcam_depth_ros.networks.layers.blocks import QuarterEncoder
 from radcam_depth_ros.networks.layers.caution import Caution, check_caution
 from radcam_depth_ros.networks.layers.mobilenet import ContextEncoder
 from radcam_depth_ros.networks.layers.rasterise import (
-    CELL_PX,
     PRIOR_PLANES,
     STRIDE,
     Geometry,
@@ -36,18 +32,6 @@ from radcam_depth_ros.networks.registry import register
 AGREEMENT = 0.2
 """Relative difference of the stages' depths at which the semi-dense depth counts 1 / e as much as without any."""
 
-PAPER: Mapping[str, Any] = MappingProxyType(
-    {
-        "association": "regions",
-        "fusion": "paper",
-        "region_width_px": 288,
-        "radar_map_size": (28, 9),
-        "position_pool": (16, 8, 4, 1),
-        "threshold": 0.5,
-    }
-)
-"""The paper's form, the reference for speed; but for the pooled attention, whose exact form takes minutes."""
-
 
 @dataclass(frozen=True)
 class BaffConfig(NetworkConfig):
@@ -55,25 +39,23 @@ class BaffConfig(NetworkConfig):
 
     Attributes:
         association: `embedding` (one decoder pass however many returns) or `regions` (the paper's, one for each).
-        fusion: `quarter` (from 1/4 on, choosing between known depths) or `paper` (from 1/2 on, regressing depth).
-        threshold: tau, the confidence from which on a pixel of the semi-dense depth takes its return's depth: stage 1's
-            or, of `quarter`, that of both stages.
-        caution: Where the confidence is lower, the dense depth of `quarter` leans to geometry's: the nearest return, or
-            the road where that is nearer. 0: nowhere.
+        threshold: tau, the confidence of both stages from which on a pixel of the semi-dense depth takes its return's
+            depth.
+        caution: Where the confidence is lower, the dense depth leans to geometry's: the nearest return, or the road
+            where that is nearer. 0: nowhere.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
-        considered: Returns that each cell of 32 x 32 pixels considers.
+        returns_per_cell: Returns that each cell of 32 x 32 pixels chooses between.
         radar_map_size: Rows and columns of the radar map of `regions`; the paper's (28, 9) for its larger image.
-        channels: Of `quarter`, at 1/4, 1/8, 1/16, 1/32.
-        blocks: Residual blocks of its image encoder at each of these.
-        detail: Parts along each axis for which it chooses a depth within 4 pixels: 4 is the image's size.
+        channels: At 1/4, 1/8, 1/16, 1/32.
+        blocks: Residual blocks of the image encoder at each of these.
+        detail: Parts along each axis for which a depth is chosen within 4 pixels: 4 is the image's size.
         bidirectional: The bottom-up branch (BF).
         channel_attention: CA.
         position_attention: PA.
-        position_pool: How far keys and values are pooled, 1 is exact: at 1/8 and 1/16, as far as attention goes, or
-            of `paper` at 1/2, 1/4, 1/8 and 1/16.
-        ground_prior: Take the flat road's depth as an input of `quarter`.
+        position_pool: How far keys and values are pooled at 1/8 and 1/16, as far as attention goes; 1 is exact.
+        ground_prior: Take the flat road's depth as an input.
         context: `none`, or `mobilenet_v2`: its features of the image at half the size join the image encoder's, so that
             training can start from ImageNet's.
         instance_norm: Levels of the image encoder, finest first, whose norms go by each image's own statistics.
@@ -81,12 +63,11 @@ class BaffConfig(NetworkConfig):
     """
 
     association: str = "embedding"
-    fusion: str = "quarter"
     threshold: float = 0.25
     caution: float = 0.7
     region_width_px: int = 160
     embedding_dims: int = 32
-    considered: int = 8
+    returns_per_cell: int = 8
     radar_map_size: tuple[int, int] = (14, 5)
     channels: tuple[int, int, int, int] = (32, 64, 128, 192)
     blocks: tuple[int, int, int, int] = (1, 2, 2, 2)
@@ -106,26 +87,17 @@ class BaffConfig(NetworkConfig):
         check_caution(self.caution)
         if self.association not in ("embedding", "regions"):
             raise ArchitectureError(f"association must be 'embedding' or 'regions', got {self.association!r}")
-        if self.fusion not in ("quarter", "paper"):
-            raise ArchitectureError(f"fusion must be 'quarter' or 'paper', got {self.fusion!r}")
         if not 0 <= self.instance_norm <= 4:
             raise ArchitectureError(f"instance_norm must be 0 to 4 levels, got {self.instance_norm}")
         if self.context not in ("none", "mobilenet_v2"):
             raise ArchitectureError(f"context must be 'none' or 'mobilenet_v2', got {self.context!r}")
-        if self.fusion == "paper" and self.association != "regions":
-            raise ArchitectureError("fusion 'paper' has association 'regions', got 'embedding'; set both")
-        if self.region_width_px % CELL_PX or self.region_width_px < CELL_PX:
-            raise ArchitectureError(f"region_width_px must be a multiple of {CELL_PX}, got {self.region_width_px}")
+        check_region_width(self.region_width_px)
         if self.detail not in (1, 2, 4):
             raise ArchitectureError(f"detail must be 1, 2 or 4, got {self.detail}")
-        levels = 2 if self.fusion == "quarter" else 4
-        if len(self.position_pool) != levels or min(self.position_pool) < 1:
-            raise ArchitectureError(
-                f"position_pool needs {levels} whole numbers from 1 on with fusion {self.fusion!r}, "
-                f"got {self.position_pool}"
-            )
-        if min(*self.channels, *self.blocks, self.considered, self.embedding_dims) < 1:
-            raise ArchitectureError("channels, blocks, considered and embedding_dims must be at least 1")
+        if len(self.position_pool) != 2 or min(self.position_pool) < 1:
+            raise ArchitectureError(f"position_pool needs 2 whole numbers from 1 on, got {self.position_pool}")
+        if min(*self.channels, *self.blocks, self.returns_per_cell, self.embedding_dims) < 1:
+            raise ArchitectureError("channels, blocks, returns_per_cell and embedding_dims must be at least 1")
 
 
 @register("baff")
@@ -141,17 +113,16 @@ class Baff(Network):
         ("image encoder", "encoder"),
         ("association", "association"),
         ("road", "road"),
-        ("image encoder", "fusion.image_encoder"),
         ("depth encoder", "fusion.depth_encoder"),
         ("gates", "fusion.gates"),
         ("bidirectional fusion", "fusion.bidirectional"),
-        *((f"attention 1/{16 >> index}", f"fusion.refinement.attention.{index}") for index in range(4)),
-        *(("refinement", f"fusion.refinement.up.{index}") for index in range(3)),
+        *((f"attention 1/{16 >> index}", f"fusion.refinement.attention.{index}") for index in range(2)),
+        *(("refinement", f"fusion.refinement.up.{index}") for index in range(2)),
         ("head", "fusion.head"),
     )
     backbones = ("context",)
     adjustable = ("threshold", "caution")
-    paper = PAPER
+    paper_network = "baff_paper"
 
     def __init__(self, config: BaffConfig) -> None:
         super().__init__(config)
@@ -166,36 +137,26 @@ class Baff(Network):
         features = FEATURES[2]
         if config.association == "embedding":
             self.association: EmbeddingAssociation | RegionAssociation = EmbeddingAssociation(
-                config.channels, points, config.embedding_dims, config.region_width_px, config.considered
+                config.channels, points, config.embedding_dims, config.region_width_px, config.returns_per_cell
             )
         else:
             self.association = RegionAssociation(points, config.region_width_px, config.radar_map_size)
             features = self.association.features
         ablation = (config.bidirectional, config.channel_attention, config.position_attention)
-        if config.fusion == "paper":
-            self.rasterise: Rasterise | None = None
-            self.encoder: QuarterEncoder | nn.Identity = nn.Identity()
-            self.road: RoadVotes | None = None
-            self.context: ContextEncoder | None = None
-            self.fusion: QuarterFusion | PaperFusion = PaperFusion(config.position_pool, *ablation)
-        else:
-            self.rasterise = Rasterise(
-                config.min_depth_m, config.max_depth_m, config.ground_prior, config.considered, config.detail
-            )
-            widths = ContextEncoder.CHANNELS if config.context != "none" else ()
-            self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks, widths, config.instance_norm)
-            self.context = ContextEncoder() if config.context != "none" else None
-            self.road = RoadVotes(config.channels) if config.road and config.ground_prior else None
-            self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
+        self.rasterise = Rasterise(
+            config.min_depth_m, config.max_depth_m, config.ground_prior, config.returns_per_cell, config.detail
+        )
+        widths = ContextEncoder.CHANNELS if config.context != "none" else ()
+        self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks, widths, config.instance_norm)
+        self.context = ContextEncoder() if config.context != "none" else None
+        self.road = RoadVotes(config.channels) if config.road and config.ground_prior else None
+        self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        if self.rasterise is None:
-            best, depth, _ = self.association(image, [image], radar, valid)
-            return self._regress(image, best, depth)[0]
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
         maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
         best, depth, features = self.association(image, maps, radar, valid)
-        road = self._road(self.rasterise, maps, ground, image)
+        road = self._road(maps, ground, image)
         return self._choose(maps, features, best, depth, geometry, road)[0]
 
     @torch.jit.unused
@@ -205,24 +166,17 @@ class Baff(Network):
         Stage 2 takes stage 1's depth as it stands, and its choice of the strongest return passes no gradient back, as
         in the paper; the image's features learn from both.
         """
-        geometry: Geometry | None = None
-        maps = [image]
-        road = ground
-        if self.rasterise is not None:
-            geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
-            maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
-            road = self._road(self.rasterise, maps, ground, image)
+        geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
+        maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
+        road = self._road(maps, ground, image)
         association: Association | None = None
-        if _learns(self.association):
+        if learns(self.association):
             association, best, depth, features = self.association.train_outputs(image, maps, radar, valid)
         else:
             best, depth, features = self.association(image, maps, radar, valid)
-        if not _learns(self.fusion):
+        if not learns(self.fusion):
             return TrainOutputs(None, None, association, None, None)
-        if geometry is None:
-            return TrainOutputs(*self._regress(image, best, depth), association, None, None)
         depths, confidence_logit, choice = self._choose(maps, features, best, depth, geometry, road)
-        assert isinstance(self.fusion, QuarterFusion)
         logits, planes = self.fusion.hypotheses(choice)
         candidates = Candidates(logits, self._depth(planes))
         return TrainOutputs(depths, confidence_logit, association, candidates, self._depth(road))
@@ -233,22 +187,12 @@ class Baff(Network):
             maps = self.context(image)
         return maps
 
-    def _road(self, rasterise: Rasterise, maps: list[Tensor], ground: Tensor, image: Tensor) -> Tensor:
+    def _road(self, maps: list[Tensor], ground: Tensor, image: Tensor) -> Tensor:
         """The road's plane (B, 1, h detail, w detail), corrected where that is learned."""
         if self.road is not None:
             ground = self.road(maps, ground)
-        return rasterise.road(ground, image.shape[2], image.shape[3])
-
-    def _regress(self, image: Tensor, best: Tensor, depth: Tensor) -> tuple[Depths, Tensor]:
-        """The paper's stage 2: depths and the confidence's logit."""
-        probability = self._probability(best)
-        semi_dense = self._above_tau(probability, depth)
-        plane = depth_to_plane(depth, self.min_depth_m, self.max_depth_m)
-        plane = torch.where(probability > self.threshold, plane, torch.zeros_like(plane))
-        known = torch.cat([plane, probability], dim=1)
-        raw = self.fusion(image, known.to(image.dtype))
-        depths = Depths(self._depth(torch.sigmoid(raw[:, :1])), semi_dense, torch.sigmoid(raw[:, 1:]))
-        return depths, raw[:, 1:]
+        road: Tensor = self.rasterise.road(ground, image.shape[2], image.shape[3])
+        return road
 
     def _choose(
         self, maps: list[Tensor], features: Tensor, best: Tensor, depth: Tensor, geometry: Geometry, road: Tensor
@@ -287,10 +231,6 @@ class Baff(Network):
         """Of stage 1's return."""
         return torch.sigmoid(best.detach().float())
 
-    def _above_tau(self, score: Tensor, depth: Tensor) -> Tensor:
-        """Depth where a score passes tau, else NaN."""
-        return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
-
     def _agreed(self, best: Tensor, depth: Tensor, choice: Choice) -> Tensor:
         """The semi-dense depth: stage 1's return where both stages are sure of it and agree; NaN elsewhere.
 
@@ -303,11 +243,7 @@ class Baff(Network):
         apart = torch.log(depth.clamp(min=self.min_depth_m) / dense).abs()
         # Stage 2's word weighs more: it knows what is in front. Powers and `AGREEMENT` were chosen on held-out drives.
         score = self._probability(best).sqrt() * confidence.square() * torch.exp(-apart / self.agreement)
-        return self._above_tau(score, depth)
+        return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
 
     def _depth(self, plane: Tensor) -> Tensor:
         return plane_to_depth(plane, self.min_depth_m, self.max_depth_m)
-
-
-def _learns(module: nn.Module) -> bool:
-    return any(parameter.requires_grad for parameter in module.parameters())

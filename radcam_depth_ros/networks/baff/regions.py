@@ -1,4 +1,4 @@
-"""Stage 1 of `baff` in the paper's form: a decoder pass over each return's region ([Electronics2025], section 3.2)."""
+"""Stage 1 in the paper's form: a decoder pass over each region of the image ([Electronics2025], section 3.2)."""
 
 from typing import Final
 
@@ -7,11 +7,18 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.networks.baff.association import FEW, OUTSIDE, PointEncoder
+from radcam_depth_ros.networks.config import ArchitectureError
 from radcam_depth_ros.networks.interface import Association
 from radcam_depth_ros.networks.layers.blocks import ConvBlock, ResidualEncoder, UpBlock, double
 from radcam_depth_ros.networks.layers.rasterise import CELL_PX
 
 ENCODER_CHANNELS = (32, 64, 128, 128, 128)
+
+
+def check_region_width(width_px: int) -> None:
+    """Refuses a width of regions that is not a multiple of 32 pixels, by an ArchitectureError."""
+    if width_px % CELL_PX or width_px < CELL_PX:
+        raise ArchitectureError(f"region_width_px must be a multiple of {CELL_PX}, got {width_px}")
 
 
 class RegionAssociation(nn.Module):

@@ -17,7 +17,7 @@ LEAN = 0.8
 DOUBT_SPAN = 0.3
 """So far below `caution` the confidence has to be for that."""
 
-CONSIDERED = 8
+RETURNS_PER_CELL = 8
 """Returns that each cell of 32 x 32 pixels looks up."""
 
 
@@ -65,7 +65,7 @@ class CautiousDepth(nn.Module):
         super().__init__()
         self.min_depth_m = min_depth_m
         self.max_depth_m = max_depth_m
-        self.rasterise = Rasterise(min_depth_m, max_depth_m, True, CONSIDERED, 1)
+        self.rasterise = Rasterise(min_depth_m, max_depth_m, True, RETURNS_PER_CELL, 1)
         self.caution = Caution(caution)
 
     def forward(

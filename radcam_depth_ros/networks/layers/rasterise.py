@@ -56,7 +56,7 @@ class Rasterise(nn.Module):
         min_depth_m: Nearest depth.
         max_depth_m: Farthest depth.
         ground_prior: Whether to give the road's depth; else it is unknown.
-        considered: How many returns a cell looks up.
+        returns_per_cell: How many returns a cell looks up.
         detail: Parts of a pixel along each axis in `road`.
     """
 
@@ -68,13 +68,13 @@ class Rasterise(nn.Module):
     bins: Final[int] = BINS
 
     def __init__(
-        self, min_depth_m: float, max_depth_m: float, ground_prior: bool, considered: int, detail: int
+        self, min_depth_m: float, max_depth_m: float, ground_prior: bool, returns_per_cell: int, detail: int
     ) -> None:
         super().__init__()
         self.min_depth_m = min_depth_m
         self.max_depth_m = max_depth_m
         self.ground_prior = ground_prior
-        self.considered = considered
+        self.returns_per_cell = returns_per_cell
         self.detail = detail
 
     def forward(self, radar: Tensor, valid: Tensor, ground: Tensor, height: int, width: int) -> Geometry:
@@ -150,14 +150,14 @@ class Rasterise(nn.Module):
         changes less along it), wider where even the nearest return is far away. 0 and 1e9 for no return.
         """
         # As many padding rows as a cell looks up, so that there are always enough.
-        radar = functional.pad(radar[:, :, :3], (0, 0, 0, self.considered), value=1.0)
-        valid = functional.pad(valid, (0, self.considered), value=False)
+        radar = functional.pad(radar[:, :, :3], (0, 0, 0, self.returns_per_cell), value=1.0)
+        valid = functional.pad(valid, (0, self.returns_per_cell), value=False)
         u, v = _centres(columns, float(self.cell_px), radar.device), _centres(rows, float(self.cell_px), radar.device)
         across = u.reshape(1, -1, 1) - radar[:, :, 0].unsqueeze(1)
         along = v.reshape(1, -1, 1) - radar[:, :, 1].unsqueeze(1)
         far = (along / 8.0).square().unsqueeze(2) + (across / 4.0).square().unsqueeze(1)
         far = far.masked_fill(~valid.unsqueeze(1).unsqueeze(2), 1.0e18).flatten(1, 2)
-        far, index = torch.topk(far, self.considered, dim=2, largest=False, sorted=False)
+        far, index = torch.topk(far, self.returns_per_cell, dim=2, largest=False, sorted=False)
         # From near to far in depth; those that are none come last and weigh nothing.
         depth = torch.where(far < 1.0e18, gather_rows(radar[:, :, 2], index), torch.full_like(far, 1.0e9))
         depth, order = torch.sort(depth, dim=2)
@@ -169,7 +169,7 @@ class Rasterise(nn.Module):
         left, top = cell % columns, torch.div(cell, columns, rounding_mode="floor")
         across = (left * float(self.cell_px) + offset - column.unsqueeze(3)).square().unsqueeze(3)
         along = (top * float(self.cell_px) + offset - row.unsqueeze(3)).square().unsqueeze(4)
-        # (B, cells, considered, 64) from here on.
+        # (B, cells, returns_per_cell, 64) from here on.
         squared, nearest = (across + along).flatten(3).masked_fill(~there, 1.0e18).min(dim=2)
         distance = squared.sqrt()
         found = torch.gather(depth, 2, nearest)
@@ -181,7 +181,7 @@ class Rasterise(nn.Module):
         total = below[:, :, -1:]
         planes = [found]
         for share in self.shares:
-            place = (below < share * total).sum(dim=2).clamp(max=self.considered - 1)
+            place = (below < share * total).sum(dim=2).clamp(max=self.returns_per_cell - 1)
             planes.append(torch.gather(depth, 2, place))
         exists = there.any(dim=2).expand_as(found)
         depths = torch.stack(planes, dim=1)

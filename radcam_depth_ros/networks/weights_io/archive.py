@@ -10,7 +10,7 @@ import io
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -25,6 +25,7 @@ from radcam_depth_ros.files import whole
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.interface import Network
+from radcam_depth_ros.networks.migration import migrated
 from radcam_depth_ros.networks.weights_io.export_check import LARGEST_BYTES, LARGEST_CARD_BYTES, find_fault
 from radcam_depth_ros.networks.weights_io.folding import folded
 
@@ -263,7 +264,9 @@ def _card(text: str, source: str) -> Card:
         raise ArchiveError(
             f"{source} is of card format {card.card_format}, this package reads {CARD_FORMAT}; update it"
         )
-    config = registry.create_config(card.network, card.architecture)
+    network, architecture = migrated(card.network, card.architecture)
+    card = replace(card, network=network, architecture=architecture)
+    config = registry.create_config(network, architecture)
     for name in ("focal_length_px", "min_depth_m", "max_depth_m"):
         if getattr(config, name) != getattr(card, name):
             raise ArchiveError(

@@ -22,6 +22,7 @@ TotalLoss = Callable[[Any, Batch, float, Any, Ranks], tuple[Tensor, dict[str, Te
 
 _KINDS: dict[str, tuple[type[Any], TotalLoss]] = {
     "baff": (losses.LossConfig, losses.total_loss),
+    "baff_paper": (losses.LossConfig, losses.total_loss),
     "baseline": (losses.LossConfig, losses.total_loss),
     "cafnet": (cafnet_losses.CafnetLossConfig, cafnet_losses.total_loss),
     "lircdepth": (lircdepth_losses.LircdepthLossConfig, lircdepth_losses.total_loss),

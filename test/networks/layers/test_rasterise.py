@@ -12,7 +12,7 @@ from radcam_depth_ros.networks.layers.rasterise import Rasterise, depth_to_plane
 def layers(radar: list[list[float]], valid: list[bool]) -> Tensor:
     """Quantiles 0.5, 0.1, 0.3, 0.7, 0.9 of returns (u, v, depth) on an image of 64 x 96 pixels, metres."""
     rows = torch.tensor([[[*row, 0.0, 0.0, 0.0] for row in radar]])
-    rasterise = Rasterise(1.0, 100.0, ground_prior=True, considered=16, detail=2)
+    rasterise = Rasterise(1.0, 100.0, ground_prior=True, returns_per_cell=16, detail=2)
     geometry = rasterise(rows, torch.tensor([valid]), torch.full((1, 4), float("nan")), 64, 96)
     return plane_to_depth(geometry.layers, 1.0, 100.0)
 
@@ -35,7 +35,7 @@ def test_a_layer_follows_the_returns_nearby() -> None:
 def profile_of(radar: list[list[float]], width: int = 96) -> Tensor:
     """How many of the returns (u, v, depth) are at a depth, by column of an image of that width."""
     rows = torch.tensor([[[*row, 0.0, 0.0, 0.0] for row in radar]])
-    rasterise = Rasterise(1.0, 100.0, ground_prior=True, considered=8, detail=2)
+    rasterise = Rasterise(1.0, 100.0, ground_prior=True, returns_per_cell=8, detail=2)
     return rasterise(
         rows, torch.ones(1, len(radar), dtype=torch.bool), torch.full((1, 4), float("nan")), 64, width
     ).profile
