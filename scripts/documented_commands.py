@@ -63,7 +63,8 @@ class Block:
 
 def pages(root: Path = ROOT) -> tuple[str, ...]:
     """All pages, as paths from the checkout's root."""
-    found = [root / "README.md", root / "benchmarks" / "README.md", *(root / "docs").rglob("*.md")]
+    folders = [root / folder / "README.md" for folder in ("benchmarks", "experiments")]
+    found = [root / "README.md", *folders, *(root / "docs").rglob("*.md")]
     return tuple(sorted(str(path.relative_to(root)) for path in found))
 
 

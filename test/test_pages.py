@@ -169,21 +169,30 @@ def test_verbs_exist(page: str) -> None:
     assert set(re.findall(r"radcam-depth ([a-z]+(?:-[a-z]+)*)", TEXTS[page])) <= verbs
 
 
-class Parsed(Exception):  # noqa: N818  # no error: the way out of a benchmark that would begin
+class Parsed(Exception):  # noqa: N818  # no error: the way out of a script that would begin
     pass
 
 
-BENCHMARKS = [
+SCRIPTS = [
     *(
         shlex.split(row)
-        for row in re.findall(r"^\| `python -m (benchmarks\.[^`]+)`", TEXTS["benchmarks/README.md"], re.M)
+        for folder in ("benchmarks", "experiments")
+        for row in re.findall(rf"^\| `python -m ({folder}\.[^`]+)`", TEXTS[f"{folder}/README.md"], re.M)
     ),
-    *(words for _, words in commands("-m") if words[0].startswith("benchmarks.")),
+    *(words for _, words in commands("-m") if words[0].startswith(("benchmarks.", "experiments."))),
 ]
 
 
-@pytest.mark.parametrize("words", BENCHMARKS, ids=" ".join)
-def test_benchmarks_take_what_they_are_given(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("folder", ["benchmarks", "experiments"])
+def test_each_module_of_scripts_is_named_on_their_page(folder: str) -> None:
+    modules = {path.stem for path in (ROOT / folder).glob("*.py")} - {"__init__"}
+    parts = {"fuzz_messages", "soak_figures"}  # of the scripts that import them
+    page = TEXTS[f"{folder}/README.md"]
+    assert {name for name in modules - parts if not re.search(rf"`(?:python -m {folder}\.)?{name}\b", page)} == set()
+
+
+@pytest.mark.parametrize("words", SCRIPTS, ids=" ".join)
+def test_scripts_take_what_they_are_given(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     name, *given = words
     parse = argparse.ArgumentParser.parse_args
 
