@@ -1,4 +1,4 @@
-"""`radcam-depth bench`: how fast a network is on this machine."""
+"""`radcam-depth bench`: measures the speed and memory of a network on this machine."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from radcam_depth_ros.cli.terminal.options import (
+    NETWORK,
     DeviceOption,
     JsonOption,
     ModelOption,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def bench(
-    network: NetworkOption = "baff",
+    network: NetworkOption = None,
     model: ModelOption = None,
     size: Annotated[
         list[str] | None,
@@ -34,7 +35,7 @@ def bench(
     ] = None,
     points: Annotated[str, typer.Option(help="Number of radar points; several with commas between.")] = "60",
     repeats: Annotated[int, typer.Option(min=1, help="Rounds at most; what is slow gets fewer, two at least.")] = 30,
-    precision: PrecisionOption = "auto",
+    precision: PrecisionOption = None,
     threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 as the node: fewer beside other work.")] = 0,
     against: Annotated[
         str | None,
@@ -48,7 +49,7 @@ def bench(
     ] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames of the bag.")] = None,
     json_target: JsonOption = None,
-    device: DeviceOption = "cpu",
+    device: DeviceOption = None,
 ) -> None:
     """Measures a network: each stage and the whole, in time, memory and as a share of the machine's own best rate.
 
@@ -60,7 +61,13 @@ def bench(
     from radcam_depth_ros.cli.terminal.bench_request import parse_against, parse_count, parse_size, with_frames
     from radcam_depth_ros.cli.terminal.bench_tables import print_report
 
-    subject = Subject(network=network, model_file=str(model or ""), precision=precision, device=device, threads=threads)
+    subject = Subject(
+        network=network or NETWORK,
+        model_file=str(model or ""),
+        precision=precision or "auto",
+        device=device or "cpu",
+        threads=threads,
+    )
     counts = [parse_count(part) for part in points.split(",")]
     sizes = [Size.padded(*parse_size(text), count) for text in size or ["448x800"] for count in counts]
     other = None if against is None else parse_against(against, subject)

@@ -1,4 +1,4 @@
-"""`radcam-depth check-calibration`: whether a bag's extrinsics and clocks are right."""
+"""`radcam-depth check-calibration`: checks the extrinsics and clocks of a bag."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ import typer
 from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
-from radcam_depth_ros.cli.terminal.options import Bag, ImageOption, JsonOption, RadarOption, progress_bar, write_json
+from radcam_depth_ros.cli.terminal.options import (
+    Bag,
+    CameraHeightOption,
+    ImageOption,
+    JsonOption,
+    LidarOption,
+    RadarOption,
+    progress_bar,
+    write_json,
+)
 from radcam_depth_ros.reporting.terminal import print_table
 
 if TYPE_CHECKING:
@@ -30,7 +39,7 @@ def check_calibration(
     params: ParamsOption = None,
     image: ImageOption = None,
     radar: RadarOption = None,
-    lidar: Annotated[str | None, typer.Option(help="Topic of the LiDAR; found likewise.")] = None,
+    lidar: LidarOption = None,
     odometry: Annotated[str | None, typer.Option(help="Topic of the vehicle's motion; found likewise.")] = None,
     camera_from_radar: Annotated[
         str | None,
@@ -39,9 +48,7 @@ def check_calibration(
     radar_time_offset_s: Annotated[
         float | None, typer.Option(help="Added to the radars' stamps, as the node's parameter is.", show_default="0.0")
     ] = None,
-    camera_height: Annotated[
-        float | None, typer.Option(min=0.1, help="Metres above the road, in place of what the transforms say.")
-    ] = None,
+    camera_height: CameraHeightOption = None,
 ) -> None:
     """Tells whether radars and LiDAR are where and when a bag says: a wrong sign, a turn of 90 degrees, late stamps.
 

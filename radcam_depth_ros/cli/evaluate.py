@@ -1,4 +1,4 @@
-"""`radcam-depth evaluate`: measure a network over bags with ground truth."""
+"""`radcam-depth evaluate`: measures a network over bags with ground truth."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -15,14 +15,16 @@ from rich.text import Text
 
 from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
-    DeviceChoice,
+    CameraHeightOption,
+    DeviceOption,
     ImageOption,
     JsonOption,
+    LidarOption,
     ModelOption,
-    NetworkChoice,
-    PrecisionChoice,
+    NetworkOption,
+    PrecisionOption,
     RadarOption,
-    ThreadsChoice,
+    ThreadsOption,
     estimator_parameters,
     load_estimator,
     progress_bar,
@@ -33,7 +35,7 @@ from radcam_depth_ros.reporting.terminal import print_table
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings, Sample
     from radcam_depth_ros.estimator import Estimator
-    from radcam_depth_ros.evaluation.drive import Drive, Observation
+    from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, Observation
     from radcam_depth_ros.evaluation.frames import FrameLog
     from radcam_depth_ros.evaluation.panels import PanelKeeper
     from radcam_depth_ros.evaluation.summary import Evaluation
@@ -43,19 +45,17 @@ if TYPE_CHECKING:
 def evaluate(
     bags: Annotated[list[Path], typer.Argument(help="Rosbag2 folders, .mcap files, or folders that hold some.")],
     params: ParamsOption = None,
-    network: NetworkChoice = None,
+    network: NetworkOption = None,
     model: ModelOption = None,
     json_target: JsonOption = None,
     report: Annotated[Path | None, typer.Option(help="Write an HTML page with tables, curves and pictures.")] = None,
     csv: Annotated[Path | None, typer.Option(help="Write the measures of each frame.")] = None,
     baselines: Annotated[
         str,
-        typer.Option(help="What to measure besides, by commas; camera_only runs the network again, without radar."),
+        typer.Option(help="What to measure as well, by commas; camera_only runs the network again, without radar."),
     ] = "ground_nearest,camera_only,radar_interpolation",
     no_baselines: Annotated[bool, typer.Option("--no-baselines", help="Measure the network alone: quicker.")] = False,
-    camera_height: Annotated[
-        float | None, typer.Option(min=0.1, help="Metres above the road, in place of what the bags' transforms say.")
-    ] = None,
+    camera_height: CameraHeightOption = None,
     limit: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames of each bag.")] = None,
     clip: Annotated[
         float | None,
@@ -63,11 +63,11 @@ def evaluate(
     ] = None,
     image: ImageOption = None,
     radar: RadarOption = None,
-    lidar: Annotated[str | None, typer.Option(help="Topic of the LiDAR; found likewise.")] = None,
+    lidar: LidarOption = None,
     depth: Annotated[str | None, typer.Option(help="Topic of true depth images; found likewise.")] = None,
-    device: DeviceChoice = None,
-    precision: PrecisionChoice = None,
-    threads: ThreadsChoice = None,
+    device: DeviceOption = None,
+    precision: PrecisionOption = None,
+    threads: ThreadsOption = None,
 ) -> None:
     """Measures a network's depth against ground truth, beside what simpler means give.
 
@@ -76,12 +76,8 @@ def evaluate(
     Example: radcam-depth simulate out/test --seed 1000000 --frames 40 &&
     radcam-depth evaluate out/test --report out/evaluation.html
     """
-    from radcam_depth_ros.evaluation.drive import EvaluationSettings, evaluate_drives
-    from radcam_depth_ros.evaluation.frames import FrameLog
-    from radcam_depth_ros.evaluation.metrics import EvaluationError
-    from radcam_depth_ros.evaluation.panels import PanelKeeper
-    from radcam_depth_ros.evaluation.tables import distance_table, facts_of, summary_table
-    from radcam_depth_ros.reporting.table import Fact
+    from radcam_depth_ros.evaluation.drive import EvaluationSettings
+    from radcam_depth_ros.evaluation.tables import distance_table, summary_table
 
     wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
     node = node_parameters(
@@ -98,44 +94,18 @@ def evaluate(
     )
     settings = node.drive_settings()
     sources = _find_sources(bags, settings, limit)
-    # How depth is written is no part of what is measured.
+    # The evaluation measures depth at the network's size, however the node writes it.
     estimator = load_estimator(replace(node.config.estimator, output_size="native"))
     measuring = EvaluationSettings(estimator.card.network, camera_height, clip, wanted)
-    log, keeper = FrameLog(), PanelKeeper() if report else None
-
-    def observe(observation: Observation) -> None:
-        log.add(observation)
-        if keeper:
-            keeper.add(observation)
-
-    with progress_bar() as progress:
-        task = progress.add_task("evaluating", total=sum(source.frames for source in sources))
-        drives = _drives(sources, settings, estimator, lambda: progress.advance(task))
-        evaluation = evaluate_drives(drives, estimator.estimate, measuring, observe)
-    if not evaluation.has_ground_truth:
-        raise EvaluationError(
-            f"expected ground truth within 100 m of some frame of {_listed(sources)}, got none; LiDAR scans must lie "
-            f"within {settings.max_lidar_offset_s} s of an image, depth images must have an image's stamp"
-            + "".join(f"; of the scans {sentence}" for sentence in evaluation.scans.sentences)
-        )
-    facts = (
-        Fact("drive" if len(sources) == 1 else "drives", _listed(sources)),
-        *_without_truth(evaluation),
-        *facts_of(evaluation),
-        Fact("weights", f"{estimator.describe()}, {estimator.threads} threads"),
-    )
-    if report and keeper:
-        where = sources[0].bag.resolve().name if len(sources) == 1 else f"{len(sources)} bags"
-        _write_report(report, f"{evaluation.network} on {where}", evaluation, facts, log, keeper)
+    measured = _measure(sources, settings, estimator, measuring, with_panels=report is not None)
+    if report:
+        _write_report(report, measured)
     if csv:
-        log.write_csv(csv)
+        measured.log.write_csv(csv)
     if json_target:
-        named = {"bags": [str(source.bag) for source in sources], "weights": estimator.describe()}
-        computed = {"precision": estimator.precision, "threads": estimator.threads}
-        single = {"bag": str(sources[0].bag)} if len(sources) == 1 else {}
-        write_json({**evaluation.as_json(), **single, **named, **computed}, json_target)
+        write_json(measured.as_json(), json_target)
     if json_target != "-":
-        _print(facts, (summary_table(evaluation), distance_table(evaluation)))
+        _print(measured.facts(), (summary_table(measured.evaluation), distance_table(measured.evaluation)))
 
 
 @dataclass(frozen=True)
@@ -155,6 +125,79 @@ class _Source:
     frames: int
     limit: int | None
     scenario: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """An evaluation with what it was made of.
+
+    Attributes:
+        evaluation: The measures.
+        sources: The bags.
+        estimator: The estimator.
+        log: The measures of each frame.
+        panels: Pictures for the report; None where there is none.
+    """
+
+    evaluation: Evaluation
+    sources: Sequence[_Source]
+    estimator: Estimator
+    log: FrameLog
+    panels: PanelKeeper | None
+
+    def facts(self) -> tuple[Fact, ...]:
+        """What stands above the tables."""
+        from radcam_depth_ros.evaluation.tables import facts_of
+        from radcam_depth_ros.reporting.table import Fact
+
+        return (
+            Fact("drive" if len(self.sources) == 1 else "drives", _listed(self.sources)),
+            *_without_truth(self.evaluation),
+            *facts_of(self.evaluation),
+            Fact("weights", f"{self.estimator.describe()}, {self.estimator.threads} threads"),
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """All figures, and what they were measured on and with."""
+        bags = [str(source.bag) for source in self.sources]
+        single = {"bag": bags[0]} if len(bags) == 1 else {}
+        named = {"bags": bags, "weights": self.estimator.describe()}
+        computed = {"precision": self.estimator.precision, "threads": self.estimator.threads}
+        return {**self.evaluation.as_json(), **single, **named, **computed}
+
+
+def _measure(
+    sources: Sequence[_Source],
+    settings: DriveSettings,
+    estimator: Estimator,
+    measuring: EvaluationSettings,
+    *,
+    with_panels: bool,
+) -> _Measured:
+    """Measures the depth of all bags; EvaluationError where no frame has ground truth."""
+    from radcam_depth_ros.evaluation.drive import evaluate_drives
+    from radcam_depth_ros.evaluation.frames import FrameLog
+    from radcam_depth_ros.evaluation.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.panels import PanelKeeper
+
+    log, keeper = FrameLog(), PanelKeeper() if with_panels else None
+
+    def observe(observation: Observation) -> None:
+        log.add(observation)
+        if keeper:
+            keeper.add(observation)
+
+    with progress_bar() as progress:
+        task = progress.add_task("evaluating", total=sum(source.frames for source in sources))
+        drives = _drives(sources, settings, estimator, lambda: progress.advance(task))
+        evaluation = evaluate_drives(drives, estimator.estimate, measuring, observe)
+    if not evaluation.has_ground_truth:
+        raise EvaluationError(
+            f"expected ground truth within 100 m of some frame of {_listed(sources)}, got none; LiDAR scans must lie "
+            f"within {settings.max_lidar_offset_s} s of an image, depth images must have an image's stamp"
+            + "".join(f"; of the scans {sentence}" for sentence in evaluation.scans.sentences)
+        )
+    return _Measured(evaluation, sources, estimator, log, keeper)
 
 
 def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | None) -> tuple[_Source, ...]:
@@ -226,15 +269,16 @@ def _without_truth(evaluation: Evaluation) -> Iterator[Fact]:
         yield Fact("bags without ground truth within 80 m", ", ".join(idle))
 
 
-def _write_report(
-    path: Path, title: str, evaluation: Evaluation, facts: Sequence[Fact], log: FrameLog, keeper: PanelKeeper
-) -> None:
+def _write_report(path: Path, measured: _Measured) -> None:
     from radcam_depth_ros.evaluation.plots import plots_of
     from radcam_depth_ros.evaluation.tables import tables_of
     from radcam_depth_ros.reporting.page import write_report
 
-    tables = (*tables_of(evaluation), log.worst_table())
-    write_report(path, title, facts, tables, keeper.panels(), plots_of(evaluation))
+    evaluation, sources = measured.evaluation, measured.sources
+    where = sources[0].bag.resolve().name if len(sources) == 1 else f"{len(sources)} bags"
+    tables = (*tables_of(evaluation), measured.log.worst_table())
+    panels = measured.panels.panels() if measured.panels else ()
+    write_report(path, f"{evaluation.network} on {where}", measured.facts(), tables, panels, plots_of(evaluation))
 
 
 def _print(facts: Iterable[Fact], tables: Iterable[Table]) -> None:

@@ -1,4 +1,4 @@
-"""`radcam-depth export`: weights to one TorchScript file."""
+"""`radcam-depth export`: writes a network with its weights to one TorchScript file."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from radcam_depth_ros.cli.terminal.options import ModelOption, NetworkOption
+from radcam_depth_ros.cli.terminal.options import NETWORK, ModelOption, NetworkOption
 
 
 def export(
     out: Annotated[Path, typer.Argument(help="File to write, .pt by custom.")],
-    network: NetworkOption = "baff",
+    network: NetworkOption = None,
     model: ModelOption = None,
 ) -> None:
     """Writes a network, its weights and its card to one file, for the node's `model_file` or a C++ program.
@@ -21,5 +21,5 @@ def export(
     """
     from radcam_depth_ros.networks.weights_io import archive
 
-    archive.export(archive.load(model or network), out)
+    archive.export(archive.load(model or network or NETWORK), out)
     typer.echo(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB", err=True)

@@ -1,4 +1,4 @@
-"""`radcam-depth inspect`: what a bag holds for this package."""
+"""`radcam-depth inspect`: lists the contents of a bag that the node needs."""
 
 from __future__ import annotations
 

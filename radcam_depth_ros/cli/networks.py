@@ -1,4 +1,4 @@
-"""`radcam-depth networks`: what there is to choose from."""
+"""`radcam-depth networks`: lists the networks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`radcam-depth play`: a bag over DDS, where rosbag2 is not installed."""
+"""`radcam-depth play`: publishes a bag over DDS, without rosbag2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`radcam-depth replay`: a bag in, a bag with depth out."""
+"""`radcam-depth replay`: writes the depth of a bag's images to another bag."""
 
 from __future__ import annotations
 
@@ -11,13 +11,21 @@ from rich.console import Console
 from radcam_depth_ros.cli.terminal.node_parameters import ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
     Bag,
-    DeviceChoice,
+    ColormapOption,
+    DeviceOption,
+    EncodingOption,
     ImageOption,
     ModelOption,
-    NetworkChoice,
-    PrecisionChoice,
+    NetworkOption,
+    OutputSizeOption,
+    PointsRangeOption,
+    PointsStrideOption,
+    PrecisionOption,
+    PreviewRangeOption,
     RadarOption,
-    ThreadsChoice,
+    RadarSweepsOption,
+    ThreadsOption,
+    WithoutRadarOption,
     estimator_parameters,
     load_estimator,
     progress_bar,
@@ -29,50 +37,24 @@ def replay(
     bag: Bag,
     out: Annotated[Path, typer.Argument(help="Bag to write: a folder, or a file that ends in .mcap.")],
     params: ParamsOption = None,
-    network: NetworkChoice = None,
+    network: NetworkOption = None,
     model: ModelOption = None,
-    device: DeviceChoice = None,
-    precision: PrecisionChoice = None,
-    threads: ThreadsChoice = None,
+    device: DeviceOption = None,
+    precision: PrecisionOption = None,
+    threads: ThreadsOption = None,
     image: ImageOption = None,
     radar: RadarOption = None,
-    radar_sweeps: Annotated[
-        int | None,
-        typer.Option(
-            help="Sweeps of each radar for an image, moved by the bag's odometry where they are several.",
-            show_default="1",
-        ),
-    ] = None,
-    without_radar: Annotated[
-        str | None,
-        typer.Option(
-            help="Images without radar returns: camera_only, hold (the last sweep) or suppress.",
-            show_default="camera_only",
-        ),
-    ] = None,
-    encoding: Annotated[
-        str | None, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).", show_default="32FC1")
-    ] = None,
-    output_size: Annotated[
-        str | None, typer.Option(help="native, or network: the size that the network works at.", show_default="native")
-    ] = None,
+    radar_sweeps: RadarSweepsOption = None,
+    without_radar: WithoutRadarOption = None,
+    encoding: EncodingOption = None,
+    output_size: OutputSizeOption = None,
     passthrough: Annotated[bool, typer.Option("--passthrough", help="Copy the input's messages as well.")] = False,
     preview: Annotated[bool, typer.Option("--preview", help="Write depth in colours as well.")] = False,
-    colormap: Annotated[
-        str | None, typer.Option(help="Colours of the preview: turbo, viridis, grey ...", show_default="turbo")
-    ] = None,
-    preview_range: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="Depths of the preview's first and last colour, metres.", show_default="2.0, 80.0"),
-    ] = None,
+    colormap: ColormapOption = None,
+    preview_range: PreviewRangeOption = None,
     points: Annotated[bool, typer.Option("--points", help="Write point clouds as well.")] = False,
-    points_stride: Annotated[
-        int | None, typer.Option(help="A point for each square of so many pixels' width.", show_default="1")
-    ] = None,
-    points_range: Annotated[
-        tuple[float, float] | None,
-        typer.Option(help="Depths of the first and last point, metres.", show_default="0.0, 1000.0"),
-    ] = None,
+    points_stride: PointsStrideOption = None,
+    points_range: PointsRangeOption = None,
     compress: Annotated[bool, typer.Option("--compress", help="Write a smaller bag, which takes longer.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""`radcam-depth simulate`: a drive through a simulated street, as a bag."""
+"""`radcam-depth simulate`: writes a simulated drive as a bag."""
 
 from __future__ import annotations
 

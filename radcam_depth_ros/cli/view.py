@@ -1,4 +1,4 @@
-"""`radcam-depth view`: a drive as a video, recorded or live."""
+"""`radcam-depth view`: draws a recorded or live drive as a video or pictures."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.node_parameters import NodeParameters, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
-    DeviceChoice,
+    NETWORK,
+    DeviceOption,
     ImageOption,
     ModelOption,
-    PrecisionChoice,
+    PrecisionOption,
     RadarOption,
-    ThreadsChoice,
+    ThreadsOption,
     estimator_parameters,
     load_estimator,
     needs_ros,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from radcam_depth_ros.frame import DepthResult, Frame
     from radcam_depth_ros.viewing import ViewOptions
 
-_DEFAULT_NETWORK = "baff"
 _LIVE = "topics"
 
 
@@ -43,7 +43,7 @@ def view(
     ],
     network: Annotated[
         str | None,
-        typer.Option(help=f"Network to run; by default the bag's own depth, or {_DEFAULT_NETWORK} where it has none."),
+        typer.Option(help=f"Network to run; by default the bag's own depth, or {NETWORK} where it has none."),
     ] = None,
     model: ModelOption = None,
     params: ParamsOption = None,
@@ -54,9 +54,9 @@ def view(
             "namespace."
         ),
     ] = None,
-    device: DeviceChoice = None,
-    precision: PrecisionChoice = None,
-    threads: ThreadsChoice = None,
+    device: DeviceOption = None,
+    precision: PrecisionOption = None,
+    threads: ThreadsOption = None,
     image: ImageOption = None,
     radar: RadarOption = None,
     every: Annotated[int, typer.Option(help="Show only every so many-th image.")] = 1,

@@ -1,21 +1,22 @@
-"""A simulated drive as a bag."""
+"""Simulates a drive and writes it as a bag."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from radcam_depth_ros import messages
 from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.simulation.light.shading import Shader
 from radcam_depth_ros.simulation.objects.scene import Scene
-from radcam_depth_ros.simulation.sensors import rig as frames_of
+from radcam_depth_ros.simulation.sensors import rig
 from radcam_depth_ros.simulation.sensors.camera import render
-from radcam_depth_ros.simulation.sensors.lens import Lens
+from radcam_depth_ros.simulation.sensors.camera_unit import CameraUnit
 from radcam_depth_ros.simulation.sensors.lidar import sweep_lidar
 from radcam_depth_ros.simulation.sensors.lidar_unit import draw_beams
 from radcam_depth_ros.simulation.sensors.optics import motion_field
@@ -78,12 +79,10 @@ class Drive:
         self._beams = draw_beams(config.lidar, generator(seed, Stream.RIG, 3))
         lens = generator(seed, Stream.LENS)
         low, high = config.camera.min_jpeg_quality, config.camera.max_jpeg_quality
-        self._quality = low + int(float(lens.random()) * (high - low + 0.999))
-        light = self.world.light
-        self._lens = Lens(lens, self.rig.camera.width, self.rig.camera.height, light.rain, light.random)
-        self._shader = Shader(
-            generator(seed, Stream.LENS, 1), self.world.atlas, self.world.light, self.world.style.wetness
-        )
+        self._quality = low + int(lens.random() * (high - low + 0.999))
+        light, camera = self.world.light, self.rig.camera
+        self._camera = CameraUnit(lens, camera.width, camera.height, light.rain, light.random)
+        self._shader = Shader(generator(seed, Stream.LENS, 1), self.world.atlas, light, self.world.style.wetness)
 
     def record(self, writer: BagWriter, progress: Progress | None = None) -> None:
         """Writes all messages in the order of their stamps."""
@@ -114,8 +113,8 @@ class Drive:
         return generator(self._seed, stream, event.index)
 
     def _write_static_transforms(self, writer: BagWriter, stamp_ns: int) -> None:
-        links = [(frames_of.FOOTPRINT, frames_of.BASE, self.rig.footprint_from_base)]
-        links += [(frames_of.BASE, frame, pose) for frame, pose in self.rig.base_from_sensor.items()]
+        links = [(rig.FOOTPRINT, rig.BASE, self.rig.footprint_from_base)]
+        links += [(rig.BASE, frame, pose) for frame, pose in self.rig.base_from_sensor.items()]
         stamped = [messages.StampedTransform(parent, child, stamp_ns, pose) for parent, child, pose in links]
         writer.write("/tf_static", messages.encode_transforms(factory, stamped), stamp_ns)
 
@@ -127,7 +126,7 @@ class Drive:
             "season": style.season.value,
             "street": style.kind.value,
             "random_light": light.random,
-            "camera_height_m": round(float(self.rig.footprint_from(frames_of.CAMERA).translation[2]), 3),
+            "camera_height_m": round(float(self.rig.footprint_from(rig.CAMERA).translation[2]), 3),
             "focal_length_px": round(camera.fx, 1),
             "seed": self._seed,
         }
@@ -139,30 +138,33 @@ class Drive:
         noise = self._random(Stream.ODOMETRY, event).normal(0, self.config.odometry.speed_noise_mps, 3)
         reading = messages.OdometryReading(
             stamp_ns,
-            frames_of.ODOMETRY,
-            frames_of.FOOTPRINT,
+            rig.ODOMETRY,
+            rig.FOOTPRINT,
             motion.world_from_base,
             into_base @ motion.velocity + noise * np.array([1.0, 0.0, 0.0]),
             into_base @ motion.rotation_rate,
         )
         writer.write("/odom", messages.encode_odometry(factory, reading), stamp_ns)
-        link = messages.StampedTransform(frames_of.ODOMETRY, frames_of.FOOTPRINT, stamp_ns, motion.world_from_base)
+        link = messages.StampedTransform(rig.ODOMETRY, rig.FOOTPRINT, stamp_ns, motion.world_from_base)
         writer.write("/tf", messages.encode_transforms(factory, [link]), stamp_ns)
 
     def _write_radar(self, writer: BagWriter, event: Event) -> None:
         rng = self._random(Stream.RADAR, event)
-        scene, pose, velocity = self._swept(event, frames_of.RADAR, self._radar, rng)
+        scene, pose, velocity = self._swept(event, rig.RADAR, self._radar, rng)
         columns = sweep_radar(scene, pose, velocity, self._radar, rng)
-        stamp_ns = self.stamp_ns(event.time_s)
-        writer.write("/radar/points", messages.encode_points(factory, columns, stamp_ns, frames_of.RADAR), stamp_ns)
+        self._write_points(writer, "/radar/points", columns, event, rig.RADAR)
 
     def _write_imaging_radar(self, writer: BagWriter, event: Event) -> None:
         rng = self._random(Stream.IMAGING_RADAR, event)
-        scene, pose, velocity = self._swept(event, frames_of.IMAGING_RADAR, self._imaging_radar, rng)
+        scene, pose, velocity = self._swept(event, rig.IMAGING_RADAR, self._imaging_radar, rng)
         columns = sweep_imaging_radar(scene, pose, velocity, self._imaging_radar, rng)
+        self._write_points(writer, "/radar_4d/points", columns, event, rig.IMAGING_RADAR)
+
+    def _write_points(
+        self, writer: BagWriter, topic: str, columns: Mapping[str, npt.NDArray[np.generic]], event: Event, frame: str
+    ) -> None:
         stamp_ns = self.stamp_ns(event.time_s)
-        cloud = messages.encode_points(factory, columns, stamp_ns, frames_of.IMAGING_RADAR)
-        writer.write("/radar_4d/points", cloud, stamp_ns)
+        writer.write(topic, messages.encode_points(factory, columns, stamp_ns, frame), stamp_ns)
 
     def _swept(
         self, event: Event, frame: str, unit: RadarUnit, rng: np.random.Generator
@@ -174,20 +176,19 @@ class Drive:
         return scene, pose @ unit.mount_from_radar, velocity
 
     def _write_lidar(self, writer: BagWriter, event: Event) -> None:
-        scene, _, pose = self._at(event, frames_of.LIDAR)
+        scene, _, pose = self._at(event, rig.LIDAR)
         rng = self._random(Stream.LIDAR, event)
         columns = sweep_lidar(scene, pose, self.config.lidar, self._beams, self.world.style.wetness, rng)
-        stamp_ns = self.stamp_ns(event.time_s)
-        writer.write("/lidar/points", messages.encode_points(factory, columns, stamp_ns, frames_of.LIDAR), stamp_ns)
+        self._write_points(writer, "/lidar/points", columns, event, rig.LIDAR)
 
     def _write_image(self, writer: BagWriter, event: Event) -> None:
-        scene, motion, pose = self._at(event, frames_of.CAMERA)
+        scene, motion, pose = self._at(event, rig.CAMERA)
         config, rng = self.config.camera, self._random(Stream.CAMERA, event)
         view = render(scene, self.rig.camera, pose, self._shader, config.edge_samples, rng)
-        velocity = motion.velocity_at(self.rig.footprint_from(frames_of.CAMERA).translation)
+        velocity = motion.velocity_at(self.rig.footprint_from(rig.CAMERA).translation)
         moved = motion_field(self.rig.camera, pose, view.depth_m, view.velocity, velocity, motion.rotation_rate, step=4)
-        image = self._lens.develop(view.radiance, rng, moved)
-        stamp_ns, frame = self.stamp_ns(event.time_s), frames_of.CAMERA
+        image = self._camera.develop(view.radiance, rng, moved)
+        stamp_ns, frame = self.stamp_ns(event.time_s), rig.CAMERA
         if config.jpeg:
             compressed = messages.encode_compressed_image(factory, image, stamp_ns, frame, self._quality)
             writer.write("/camera/image_raw/compressed", compressed, stamp_ns)

@@ -50,7 +50,7 @@ def draw_timetable(seed: int, config: SimulationConfig, frames: int) -> tuple[Ev
         (Sensor.IMAGING_RADAR, config.imaging_radar.rate_hz, config.imaging_radar.enabled),
         (Sensor.LIDAR, config.lidar.rate_hz, config.lidar.enabled),
     ):
-        phase = float(rng.random())
+        phase = rng.random()
         if not enabled:
             continue
         # Number n measures at (n + phase) / rate; the first is the last one before the first image.

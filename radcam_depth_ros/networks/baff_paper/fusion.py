@@ -1,4 +1,4 @@
-"""Stage 2 in the paper's form: encoders of its own, from 1/2 of the image's size on ([Electronics2025], section 3.3)."""
+"""Stage 2 in the paper's form: encoders of its own, from 1/2 of the image size on ([Electronics2025], section 3.3)."""
 
 from torch import Tensor, nn
 

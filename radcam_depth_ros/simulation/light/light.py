@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from radcam_depth_ros.simulation.materials.surfaces import Colour
 from radcam_depth_ros.simulation.settings.configuration import TimeOfDay, Weather, WorldConfig
-from radcam_depth_ros.simulation.settings.style import Colour
+from radcam_depth_ros.simulation.settings.randomness import log_uniform, pick
 
 FULL_LUX = 15000.0
 """Light on open ground under a bright overcast sky: the unit of all intensities here."""
@@ -79,8 +80,8 @@ class Light:
 def draw_light(rng: np.random.Generator, config: WorldConfig) -> Light:
     """Draws the light of a seed."""
     weather, time = config.weather, config.time_of_day
-    any_weather = _WEATHERS[int(rng.choice(5, p=[0.24, 0.18, 0.36, 0.13, 0.09]))]
-    any_time = _TIMES[int(rng.choice(3, p=[0.76, 0.11, 0.13]))]
+    any_weather = pick(rng, _WEATHERS, (0.24, 0.18, 0.36, 0.13, 0.09))
+    any_time = pick(rng, _TIMES, (0.76, 0.11, 0.13))
     weather = any_weather if weather is Weather.ANY else weather
     time = any_time if time is TimeOfDay.ANY else time
     light = _with_lamps(rng, _draw_air(rng, _draw_sky(rng, weather, time)))
@@ -109,14 +110,14 @@ def _draw_sky(rng: np.random.Generator, weather: Weather, time: TimeOfDay) -> Li
     glow = np.zeros(3)
     if time is TimeOfDay.DUSK:
         # From the last minutes of sun to the end of twilight.
-        level = float(np.exp(rng.uniform(np.log(0.004), np.log(0.25))))
+        level = log_uniform(rng, 0.004, 0.25)
         cool = np.array([0.75, 0.9, 1.25])
         sun = sun * (0.5 * level if level > 0.1 else 0.0) * np.array([1.0, 0.7, 0.45])
         glow = level * np.array([2.0, 0.9, 0.35]) * rng.uniform(0.2, 1.2) * (1.0 if clear else 0.15)
         sky, zenith, horizon = (level * cool * part for part in (sky, zenith, horizon))
     elif time is TimeOfDay.NIGHT:
         # The glow of towns, which clouds send back.
-        level = float(np.exp(rng.uniform(np.log(1e-5), np.log(2.5e-4))))
+        level = log_uniform(rng, 1e-5, 2.5e-4)
         town = np.array([1.0, 0.8, 0.6]) * (1.5 if cover > 0.5 else 0.7) + np.array([0.0, 0.1, 0.3])
         sun = sun * 0
         sky, zenith, horizon = level * town, level * town * 0.6, level * town * rng.uniform(1, 2.5)
@@ -126,17 +127,17 @@ def _draw_sky(rng: np.random.Generator, weather: Weather, time: TimeOfDay) -> Li
         random=False,
         sun_direction=_triple(direction),
         sun=_triple(sun),
-        sun_size=0.005 if weather is Weather.SUNNY else float(rng.uniform(0.01, 0.06)),
+        sun_size=0.005 if weather is Weather.SUNNY else rng.uniform(0.01, 0.06),
         sky=_triple(sky),
         zenith=_triple(zenith),
         horizon=_triple(horizon),
         glow=_triple(glow),
         cloud_cover=float(cover),
-        cloud_contrast=float(rng.uniform(0.05, 0.5)),
+        cloud_contrast=rng.uniform(0.05, 0.5),
         haze=_triple(horizon * 0.9),
-        haze_m=float(np.exp(rng.uniform(np.log(500), np.log(10000)))),
-        patches=float(rng.uniform(0, 0.6)) if rng.random() < 0.7 else 0.0,
-        depth=float(rng.uniform(0.8, 1.0)),
+        haze_m=log_uniform(rng, 500, 10000),
+        patches=rng.uniform(0, 0.6) if rng.random() < 0.7 else 0.0,
+        depth=rng.uniform(0.8, 1.0),
         rain=0.0,
         wetness=0.0,
         head_lamps=0.0,
@@ -145,7 +146,7 @@ def _draw_sky(rng: np.random.Generator, weather: Weather, time: TimeOfDay) -> Li
         beam_candela=0.0,
         street_lamps=(0.0, 0.0, 0.0),
         lit_windows=0.0,
-        signals=float(rng.uniform(0.5, 2.5)),
+        signals=rng.uniform(0.5, 2.5),
     )
 
 
@@ -154,16 +155,16 @@ def _draw_air(rng: np.random.Generator, light: Light) -> Light:
     if light.weather is Weather.RAIN:
         return replace(
             light,
-            rain=float(rng.uniform(0.15, 1.0)),
-            wetness=float(rng.uniform(0.5, 1.0)),
-            haze_m=float(np.exp(rng.uniform(np.log(180), np.log(1500)))),
+            rain=rng.uniform(0.15, 1.0),
+            wetness=rng.uniform(0.5, 1.0),
+            haze_m=log_uniform(rng, 180, 1500),
         )
     if light.weather is Weather.FOG:
         return replace(
             light,
-            haze_m=float(np.exp(rng.uniform(np.log(30), np.log(220)))),
+            haze_m=log_uniform(rng, 30, 220),
             haze=_triple(np.array(light.sky) * rng.uniform(0.75, 1.05)),
-            wetness=float(rng.uniform(0, 0.5)),
+            wetness=rng.uniform(0, 0.5),
             cloud_contrast=light.cloud_contrast * 0.3,
         )
     return light
@@ -173,11 +174,11 @@ def _with_lamps(rng: np.random.Generator, light: Light) -> Light:
     """Lamps: by day some drive with them on, in the dark all do."""
     dark = light.time_of_day is not TimeOfDay.DAY
     dull = dark or max(light.sun) < 0.5
-    braking = float(rng.uniform(0.8, 3.0)) if rng.random() < 0.35 else 0.0
+    braking = rng.uniform(0.8, 3.0) if rng.random() < 0.35 else 0.0
     lit = replace(
         light,
-        head_lamps=float(np.exp(rng.uniform(np.log(2), np.log(12)))) if dull and rng.random() < 0.75 else 0.3,
-        tail_lamps=float(rng.uniform(0.2, 1.0)) if dull and rng.random() < 0.6 else 0.0,
+        head_lamps=log_uniform(rng, 2, 12) if dull and rng.random() < 0.75 else 0.3,
+        tail_lamps=rng.uniform(0.2, 1.0) if dull and rng.random() < 0.6 else 0.0,
         braking=braking,
     )
     if not dark:
@@ -187,11 +188,11 @@ def _with_lamps(rng: np.random.Generator, light: Light) -> Light:
     burning = light.time_of_day is TimeOfDay.NIGHT or max(light.sky) < 0.05
     return replace(
         lit,
-        tail_lamps=float(rng.uniform(0.15, 0.8)),
-        beam_candela=float(np.exp(rng.uniform(np.log(8000), np.log(30000)))),
+        tail_lamps=rng.uniform(0.15, 0.8),
+        beam_candela=log_uniform(rng, 8000, 30000),
         street_lamps=_triple(colour * rng.uniform(500, 4000)) if burning and rng.random() < 0.75 else (0.0, 0.0, 0.0),
-        lit_windows=float(rng.uniform(0, 0.4)) if rng.random() < 0.8 else 0.0,
-        signals=float(rng.uniform(0.3, 1.5)),
+        lit_windows=rng.uniform(0, 0.4) if rng.random() < 0.8 else 0.0,
+        signals=rng.uniform(0.3, 1.5),
     )
 
 
@@ -208,15 +209,15 @@ def _randomised(rng: np.random.Generator, light: Light) -> Light:
         random=True,
         sun=_triple(np.array(colour(0.5)) * rng.uniform(0.3, 4)) if sunny else (0.0, 0.0, 0.0),
         sun_direction=_triple(_unit(rng.normal(0, 1, 3) * [1, 1, 0] + [0, 0, rng.uniform(0.1, 2)])),
-        sun_size=float(rng.uniform(0.005, 0.3)),
+        sun_size=rng.uniform(0.005, 0.3),
         sky=colour(0.35),
         zenith=colour(0.7),
         horizon=colour(0.7),
         haze=colour(0.5),
-        haze_m=float(np.exp(rng.uniform(np.log(60), np.log(8000)))),
-        cloud_cover=float(rng.random()),
-        depth=float(rng.choice([0.0, rng.random(), 1.0])),
-        patches=float(rng.uniform(0, 0.8)),
+        haze_m=log_uniform(rng, 60, 8000),
+        cloud_cover=rng.random(),
+        depth=pick(rng, (0.0, rng.random(), 1.0)),
+        patches=rng.uniform(0, 0.8),
     )
 
 

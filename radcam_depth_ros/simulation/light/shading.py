@@ -83,9 +83,9 @@ class Shader:
         self._rough = np.isin(np.arange(len(Surface)), _GROUND)
         self._noise = fractal(rng, _NOISE, 1.0)
         self._clouds = fractal(rng, _NOISE, 1.7, 2)
-        self._blotches = float(rng.uniform(0.02, 0.25))
+        self._blotches = rng.uniform(0.02, 0.25)
         self._tilt = rng.normal(0, 0.12, 3).astype(np.float32)
-        self._skyline = float(rng.uniform(0.1, 0.5))
+        self._skyline = rng.uniform(0.1, 0.5)
 
     def sky(self, direction: FloatArray) -> FloatArray:
         """Radiance (N, 3) of the sky in unit directions (N, 3)."""

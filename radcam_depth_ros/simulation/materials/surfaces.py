@@ -1,4 +1,4 @@
-"""What things are made of: classes, surfaces and how each sensor sees them."""
+"""Materials: classes, surfaces and textures, and how each sensor sees a surface."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from enum import IntEnum
 import numpy as np
 
 from radcam_depth_ros.frame import FloatArray
+
+Colour = tuple[float, float, float]
+"""Linear RGB."""
 
 
 class Label(IntEnum):
@@ -36,7 +39,7 @@ class Label(IntEnum):
 
 
 class Surface(IntEnum):
-    """Kinds of surface; the row of each in the tables below."""
+    """Kinds of surface; each has a row in the table below."""
 
     ASPHALT = 0
     PAINT_MARK = 1
@@ -92,14 +95,7 @@ class Texture(IntEnum):
     BRICK = 30
 
 
-FACADES = (
-    Texture.FACADE_0,
-    Texture.FACADE_1,
-    Texture.FACADE_2,
-    Texture.FACADE_3,
-    Texture.FACADE_4,
-    Texture.FACADE_5,
-)
+FACADES = tuple(texture for texture in Texture if texture.name.startswith("FACADE"))
 
 
 @dataclass(frozen=True)
@@ -162,6 +158,12 @@ class Material:
 
     surface: Surface
     label: Label
-    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    colour: Colour = (1.0, 1.0, 1.0)
     texture: Texture = Texture.PLAIN
     tile_m: float = 1.0
+
+
+def scaled(colour: Colour, share: float) -> Colour:
+    """A colour made darker or brighter."""
+    red, green, blue = colour
+    return share * red, share * green, share * blue

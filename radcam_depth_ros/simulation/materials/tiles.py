@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.materials.surfaces import FACADES, Texture
+from radcam_depth_ros.simulation.materials.surfaces import FACADES, Colour, Texture
 
 TILE = 256
 """Pixels along a side of a tile at its finest."""
@@ -75,9 +75,7 @@ def _grey(values: npt.NDArray[np.floating]) -> FloatArray:
     return np.repeat(np.asarray(values, np.float32)[..., None], 3, axis=-1)
 
 
-def _mottled(
-    rng: np.random.Generator, amplitude: float, roughness: float, hue: tuple[float, float, float]
-) -> npt.NDArray[np.floating]:
+def _mottled(rng: np.random.Generator, amplitude: float, roughness: float, hue: Colour) -> npt.NDArray[np.floating]:
     base = 0.6 * (1 + amplitude * (0.7 * fractal(rng, TILE, roughness, 4) + 0.5 * fractal(rng, TILE, 1.3)))
     return base[..., None] * (1 + np.array(hue) * fractal(rng, TILE, 1.0)[..., None])
 
@@ -98,7 +96,7 @@ def _patched_asphalt(rng: np.random.Generator) -> npt.NDArray[np.floating]:
         # Cracks wander; tar that seals them is darker than the road.
         steps = np.cumsum(rng.normal(0, 4, (40, 2)) + rng.normal(0, 3, 2), axis=0) + rng.uniform(0, TILE, 2)
         line = steps.astype(np.int32).reshape(-1, 1, 2)
-        cv2.polylines(tile, [line], False, [float(rng.uniform(0.2, 0.4))] * 3, int(rng.integers(1, 3)))
+        cv2.polylines(tile, [line], False, [rng.uniform(0.2, 0.4)] * 3, int(rng.integers(1, 3)))
     return tile
 
 
@@ -123,7 +121,7 @@ def _concrete(rng: np.random.Generator) -> npt.NDArray[np.floating]:
 
 
 def _gravel(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    grain = fractal(rng, TILE, float(rng.uniform(0.0, 0.5)), 12)
+    grain = fractal(rng, TILE, rng.uniform(0.0, 0.5), 12)
     return _grey(0.6 * (1 + 0.35 * grain + 0.15 * fractal(rng, TILE, 1.2)))
 
 
@@ -135,7 +133,7 @@ def _litter(rng: np.random.Generator) -> npt.NDArray[np.floating]:
         centre = tuple(int(v) for v in rng.integers(0, TILE, 2))
         axes = (int(rng.integers(2, 7)), int(rng.integers(1, 4)))
         colour = colours[int(rng.integers(4))] * rng.uniform(0.5, 1.1)
-        cv2.ellipse(tile, centre, axes, float(rng.uniform(0, 360)), 0, 360, colour.tolist(), -1)
+        cv2.ellipse(tile, centre, axes, rng.uniform(0, 360), 0, 360, colour.tolist(), -1)
     return tile
 
 
@@ -168,13 +166,13 @@ def _pattern(rng: np.random.Generator) -> npt.NDArray[np.floating]:
     y, x = np.mgrid[0:TILE, 0:TILE] * (2 * np.pi / TILE)
     kind = int(rng.integers(5))
     if kind == 0:
-        return 0.5 + 0.5 * fractal(rng, TILE, float(rng.uniform(0.0, 2.0)))
+        return 0.5 + 0.5 * fractal(rng, TILE, rng.uniform(0.0, 2.0))
     if kind == 1:
         return np.asarray(fractal(rng, TILE, 1.2, float(rng.integers(2, 12))) > rng.uniform(-1, 1), np.float64)
     a, b = (int(v) for v in rng.integers(0, 12, 2))
-    wave = np.sin(a * x + b * y + float(rng.uniform(0, 6)))
+    wave = np.sin(a * x + b * y + rng.uniform(0, 6))
     if kind == 2:
-        return np.asarray(np.clip(0.5 + wave * float(rng.uniform(0.5, 5)), 0, 1))
+        return np.asarray(np.clip(0.5 + wave * rng.uniform(0.5, 5), 0, 1))
     c, d = (int(v) for v in rng.integers(1, 12, 2))
     checks = np.sin(c * x) * np.sin(d * y)
     if kind == 3:

@@ -8,6 +8,7 @@ import numpy as np
 
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.objects.mesh import Mesh, ball, box, join
+from radcam_depth_ros.simulation.settings.randomness import pick
 
 
 class AnimalKind(IntEnum):
@@ -31,10 +32,10 @@ _BUILDS = {
 def build_animal(rng: np.random.Generator, kind: AnimalKind) -> Mesh:
     """An animal that stands on the origin and looks along x."""
     back, length, girth, neck, colours = _BUILDS[kind]
-    coat = Material(Surface.CLOTH, Label.IGNORE, colours[int(rng.integers(len(colours)))], Texture.BARK, 0.5)
+    coat = Material(Surface.CLOTH, Label.IGNORE, pick(rng, colours), Texture.BARK, 0.5)
     middle = back - girth
-    stance = float(rng.uniform(0.0, 0.12)) * back
-    rise = neck * float(rng.uniform(-0.3, 1.0))
+    stance = rng.uniform(0.0, 0.12) * back
+    rise = neck * rng.uniform(-0.3, 1.0)
     head_x = length / 2 + neck * 0.7
     legs = [
         box([0.07 * back + 0.02, 0.06 * back + 0.02, middle], [x, y, middle / 2], coat, (1.5, 1.5)).moved((shift, 0, 0))
@@ -53,4 +54,4 @@ def build_animal(rng: np.random.Generator, kind: AnimalKind) -> Mesh:
     ]
     trunk = ball(girth, (0, 0, middle), coat, (length / 2 / girth, 0.85, 1.0), 10)
     tail = box([0.05, 0.05, girth * 1.4], [-length / 2, 0, middle - girth * 0.4], coat)
-    return join([trunk, *legs, *throat, head, *ears, tail]).moved((0, 0, 0), scale=float(rng.uniform(0.85, 1.15)))
+    return join([trunk, *legs, *throat, head, *ears, tail]).moved((0, 0, 0), scale=rng.uniform(0.85, 1.15))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from radcam_depth_ros.simulation.materials.surfaces import FACADES, Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.materials.surfaces import FACADES, Colour, Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.objects.mesh import Mesh, box, join, quads
+from radcam_depth_ros.simulation.settings.randomness import pick
 
 _WALLS = (
     (0.75, 0.72, 0.66),
@@ -19,18 +20,21 @@ _WALLS = (
     (0.50, 0.56, 0.60),
     (0.14, 0.14, 0.15),
 )
+_AWNINGS = ((0.5, 0.08, 0.05), (0.1, 0.2, 0.1), (0.6, 0.5, 0.3))
+_BOARDS = ((0.6, 0.05, 0.04), (0.05, 0.1, 0.4), (0.8, 0.6, 0.05), (0.8, 0.8, 0.8))
+_RAILS = ((0.5, 0.5, 0.5), (0.1, 0.1, 0.1), (0.7, 0.7, 0.65))
 _ROOFS = ((0.35, 0.13, 0.08), (0.22, 0.08, 0.06), (0.10, 0.10, 0.11), (0.20, 0.17, 0.15))
 
 
-def _tone(rng: np.random.Generator, palette: tuple[tuple[float, float, float], ...]) -> tuple[float, float, float]:
-    base = np.array(palette[int(rng.integers(len(palette)))]) * rng.uniform(0.75, 1.15) + rng.normal(0, 0.015, 3)
+def _tone(rng: np.random.Generator, palette: tuple[Colour, ...]) -> Colour:
+    base = np.array(pick(rng, palette)) * rng.uniform(0.75, 1.15) + rng.normal(0, 0.015, 3)
     r, g, b = np.clip(base, 0.02, 0.95)
     return float(r), float(g), float(b)
 
 
 def town_block(rng: np.random.Generator, length: float, depth: float, height: float) -> Mesh:
     """A block with flat or mansard roof; its front is at y = 0 and it reaches to y = depth, along x from 0."""
-    wall = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), FACADES[int(rng.integers(len(FACADES)))], 6.4)
+    wall = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), pick(rng, FACADES), 6.4)
     plain = Material(Surface.ROOF, Label.BUILDING, _tone(rng, _ROOFS), Texture.ROOF, 3.0)
     ground = 3.6 if rng.random() < 0.5 else 0.0
     storeys = max(1, round((height - ground) / 3.2))
@@ -40,17 +44,12 @@ def town_block(rng: np.random.Generator, length: float, depth: float, height: fl
         shop = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), Texture.SHOP, 3.6)
         parts.append(_walls(length, depth, 0.0, ground, shop))
         if rng.random() < 0.4:
-            awning = Material(
-                Surface.CANVAS, Label.BUILDING, _tone(rng, ((0.5, 0.08, 0.05), (0.1, 0.2, 0.1), (0.6, 0.5, 0.3)))
-            )
-            x = float(rng.uniform(0, length * 0.5))
-            parts.append(
-                quads(
-                    [[(x, 0, 3.1), (x + length * 0.4, 0, 3.1), (x + length * 0.4, -1.4, 2.6), (x, -1.4, 2.6)]], awning
-                )
-            )
+            awning = Material(Surface.CANVAS, Label.BUILDING, _tone(rng, _AWNINGS))
+            x = rng.uniform(0, length * 0.5)
+            stop = x + length * 0.4
+            parts.append(quads([[(x, 0, 3.1), (stop, 0, 3.1), (stop, -1.4, 2.6), (x, -1.4, 2.6)]], awning))
     if rng.random() < 0.45:
-        parts.append(_pitched_roof(length, depth, top, float(rng.uniform(2.0, 4.5)), plain, overhang=0.4))
+        parts.append(_pitched_roof(length, depth, top, rng.uniform(2.0, 4.5), plain, overhang=0.4))
     else:
         parts.append(box([length + 0.3, depth + 0.3, 0.5], [length / 2, depth / 2, top + 0.25], wall_trim(wall)))
     if rng.random() < 0.35:
@@ -65,24 +64,18 @@ def wall_trim(wall: Material) -> Material:
 
 def house(rng: np.random.Generator, length: float, depth: float) -> Mesh:
     """A house for one or two families with a pitched roof; placed as `town_block` is."""
-    wall = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), FACADES[int(rng.integers(len(FACADES)))], 6.0)
+    wall = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), pick(rng, FACADES), 6.0)
     roof = Material(Surface.ROOF, Label.BUILDING, _tone(rng, _ROOFS), Texture.ROOF, 2.5)
     eaves = 3.0 * float(rng.integers(1, 3)) + 0.3
-    rise = float(rng.uniform(2.0, 4.0))
+    rise = rng.uniform(2.0, 4.0)
     parts = [_walls(length, depth, 0.0, eaves, wall)]
-    if rng.random() < 0.5:
-        parts.append(_pitched_roof(length, depth, eaves, rise, roof, overhang=0.6))
-        gables = [
-            [(x, 0, eaves), (x, depth, eaves), (x, depth / 2, eaves + rise), (x, depth / 2, eaves + rise)]
-            for x in (0.0, length)
-        ]
-    else:
-        parts.append(_turned(_pitched_roof(depth, length, eaves, rise, roof, overhang=0.6)))
-        gables = [
-            [(0, y, eaves), (length, y, eaves), (length / 2, y, eaves + rise), (length / 2, y, eaves + rise)]
-            for y in (0.0, depth)
-        ]
-    parts.append(quads(gables, wall_trim(wall)))
+    along = rng.random() < 0.5
+    run, span = (length, depth) if along else (depth, length)
+    top = _pitched_roof(run, span, eaves, rise, roof, overhang=0.6)
+    ridge = (span / 2, eaves + rise)
+    gables = np.array([[(x, 0, eaves), (x, span, eaves), (x, *ridge), (x, *ridge)] for x in (0.0, run)])
+    parts.append(top if along else top.with_axes(1, 0, 2))
+    parts.append(quads(gables if along else gables[..., [1, 0, 2]], wall_trim(wall)))
     brick = Material(Surface.MASONRY, Label.BUILDING, (0.3, 0.14, 0.1))
     parts.append(box([0.6, 0.6, 1.6], [length * 0.3, depth * 0.42, eaves + rise], brick))
     return join(parts)
@@ -90,13 +83,8 @@ def house(rng: np.random.Generator, length: float, depth: float) -> Mesh:
 
 def hall(rng: np.random.Generator, length: float, depth: float, height: float) -> Mesh:
     """A warehouse or supermarket: sheet metal, few windows, letters on the front."""
-    cladding = Material(
-        Surface.METAL,
-        Label.BUILDING,
-        _tone(rng, _WALLS),
-        rng.choice([Texture.PLANKS, Texture.METAL, Texture.GRILLE]),
-        3.0,
-    )
+    texture = (Texture.PLANKS, Texture.METAL, Texture.GRILLE)
+    cladding = Material(Surface.METAL, Label.BUILDING, _tone(rng, _WALLS), pick(rng, texture), 3.0)
     parts = [
         _walls(length, depth, 0.0, height, cladding),
         box([length, depth, 0.3], [length / 2, depth / 2, height], wall_trim(cladding)),
@@ -104,20 +92,11 @@ def hall(rng: np.random.Generator, length: float, depth: float, height: float) -
     if rng.random() < 0.7:
         shop = Material(Surface.MASONRY, Label.BUILDING, _tone(rng, _WALLS), Texture.SHOP, 3.6)
         start, stop = np.sort(rng.uniform(0, length, 2))
-        parts.append(
-            quads(
-                [[(start, -0.06, 0), (stop, -0.06, 0), (stop, -0.06, 3.6), (start, -0.06, 3.6)]],
-                shop,
-                [[(0, 1), ((stop - start) / 3.6, 1), ((stop - start) / 3.6, 0), (0, 0)]],
-            )
-        )
-    board = Material(
-        Surface.SIGN_FACE,
-        Label.BUILDING,
-        _tone(rng, ((0.6, 0.05, 0.04), (0.05, 0.1, 0.4), (0.8, 0.6, 0.05), (0.8, 0.8, 0.8))),
-        Texture.SIGN,
-    )
-    x = float(rng.uniform(0, length * 0.6))
+        front = [(start, -0.06, 0), (stop, -0.06, 0), (stop, -0.06, 3.6), (start, -0.06, 3.6)]
+        columns = (stop - start) / 3.6
+        parts.append(quads([front], shop, [[(0, 1), (columns, 1), (columns, 0), (0, 0)]]))
+    board = Material(Surface.SIGN_FACE, Label.BUILDING, _tone(rng, _BOARDS), Texture.SIGN)
+    x = rng.uniform(0, length * 0.6)
     parts.append(box([length * 0.25, 0.2, 1.4], [x + length * 0.125, -0.1, height - 0.9], board))
     return join(parts)
 
@@ -147,22 +126,9 @@ def _pitched_roof(length: float, depth: float, eaves: float, rise: float, roof: 
     )
 
 
-def _turned(mesh: Mesh) -> Mesh:
-    order = [1, 0, 2]
-    return Mesh(
-        np.ascontiguousarray(mesh.corners[..., order]),
-        np.ascontiguousarray(mesh.normals[..., order]),
-        mesh.uv,
-        mesh.colour,
-        mesh.texture,
-        mesh.surface,
-        mesh.label,
-    )
-
-
 def _balconies(rng: np.random.Generator, length: float, ground: float, storeys: int) -> Mesh:
-    rail = Material(Surface.METAL, Label.BUILDING, _tone(rng, ((0.5, 0.5, 0.5), (0.1, 0.1, 0.1), (0.7, 0.7, 0.65))))
-    width = float(rng.uniform(2.2, 3.6))
+    rail = Material(Surface.METAL, Label.BUILDING, _tone(rng, _RAILS))
+    width = rng.uniform(2.2, 3.6)
     return join(
         [
             box([width, 1.2, 1.05], [x + width / 2, -0.6, ground + storey * 3.2 + 0.4], rail)

@@ -8,7 +8,7 @@ import numpy as np
 
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.objects.mesh import Mesh, box, join, prism, quads
-from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, VehicleKind, coat, glass, lamps, wheels
+from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, VehicleKind, glass, lamps, wheels
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ def build_car(rng: np.random.Generator, kind: VehicleKind) -> Vehicle:
     """A car with proportions of its own; its kind decides where roof and rear window end."""
     shape = _draw_shape(rng, kind)
     label = Label.CAR
-    body = coat(Surface.BODYWORK, label, (0.5, 0.5, 0.5))
-    trim = coat(Surface.RUBBER, label, (0.025, 0.025, 0.027))
+    body = Material(Surface.BODYWORK, label, (0.5, 0.5, 0.5))
+    trim = Material(Surface.RUBBER, label, (0.025, 0.025, 0.027))
     grille = Material(Surface.RUBBER, label, (0.05, 0.05, 0.05), Texture.GRILLE, 0.5)
     width, front = shape.width, shape.front_x
     parts = [
-        *_shell(shape, float(rng.uniform(0.92, 0.95)), body),
+        *_shell(shape, rng.uniform(0.92, 0.95), body),
         box([shape.length * 0.94, width * 0.97, 0.14], [0, 0, shape.sill + 0.03], trim),
         box([0.05, width * 0.5, 0.22], [front - 0.01, 0, shape.sill + 0.25], grille),
         *(
@@ -53,7 +53,7 @@ def build_car(rng: np.random.Generator, kind: VehicleKind) -> Vehicle:
             for side in (-1, 1)
         ),
         _pillars(shape, body),
-        *lamps(label, front, shape.rear_x, width / 2, shape.belt - 0.2, float(rng.uniform(0.9, 1.5))),
+        *lamps(label, front, shape.rear_x, width / 2, shape.belt - 0.2, rng.uniform(0.9, 1.5)),
         *wheels(label, (-shape.length * 0.29, shape.length * 0.296), width, shape.wheel_radius),
     ]
     return Vehicle(join(parts), shape.length, width)
@@ -64,8 +64,8 @@ def _draw_shape(rng: np.random.Generator, kind: VehicleKind) -> _Shape:
     lengths = {VehicleKind.HATCHBACK: (3.6, 4.2), VehicleKind.SUV: (4.2, 4.9)}
     length = float(rng.uniform(*lengths.get(kind, (4.4, 4.9))))
     height = float(rng.uniform(1.62, 1.8) if tall else rng.uniform(1.42, 1.53))
-    belt = height * float(rng.uniform(0.60, 0.65))
-    bonnet_x = length / 2 - length * float(rng.uniform(0.22, 0.27))
+    belt = height * rng.uniform(0.60, 0.65)
+    bonnet_x = length / 2 - length * rng.uniform(0.22, 0.27)
     roof_end, window_end = {
         VehicleKind.HATCHBACK: (0.55, 0.16),
         VehicleKind.SALOON: (1.35, 0.62),
@@ -74,13 +74,13 @@ def _draw_shape(rng: np.random.Generator, kind: VehicleKind) -> _Shape:
     }[kind]
     return _Shape(
         length=length,
-        width=float(rng.uniform(1.68, 1.84)) + (0.06 if tall else 0.0),
+        width=rng.uniform(1.68, 1.84) + (0.06 if tall else 0.0),
         height=height,
         sill=0.32 if tall else 0.24,
         belt=belt,
-        nose=belt * float(rng.uniform(0.80, 0.9)),
+        nose=belt * rng.uniform(0.80, 0.9),
         bonnet_x=bonnet_x,
-        roof_start_x=bonnet_x - length * float(rng.uniform(0.13, 0.19)),
+        roof_start_x=bonnet_x - length * rng.uniform(0.13, 0.19),
         roof_end_x=-length / 2 + roof_end,
         window_end_x=-length / 2 + window_end,
         wheel_radius=0.36 if tall else 0.315,

@@ -1,11 +1,14 @@
-"""What stands beside a road: lamps, signs, traffic lights, bollards, fences, walls, guard rails, shelters, pylons."""
+"""Objects beside a road: lamps, signs, traffic lights, bollards, fences, walls, guard rails, shelters, pylons."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
-from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.materials.surfaces import Colour, Label, Material, Surface, Texture, scaled
 from radcam_depth_ros.simulation.objects.mesh import Mesh, box, join, quads, tube
+from radcam_depth_ros.simulation.settings.randomness import pick
 
 
 def _steel(tone: float) -> Material:
@@ -14,10 +17,10 @@ def _steel(tone: float) -> Material:
 
 def lamp(rng: np.random.Generator) -> Mesh:
     """A street lamp whose arm reaches to -y."""
-    steel = _steel(float(rng.uniform(0.08, 0.4)))
+    steel = _steel(rng.uniform(0.08, 0.4))
     # The label tells a street lamp's glass from a vehicle's: it shines at night.
     glass = Material(Surface.LAMP, Label.POLE, (0.7, 0.7, 0.68))
-    height, arm = float(rng.uniform(5, 10)), float(rng.uniform(0.3, 2.2))
+    height, arm = rng.uniform(5, 10), rng.uniform(0.3, 2.2)
     return join(
         [
             tube(0.1, height, steel, 8, 0.06),
@@ -30,12 +33,12 @@ def lamp(rng: np.random.Generator) -> Mesh:
 
 def pole(rng: np.random.Generator) -> Mesh:
     """A wooden or concrete mast."""
-    tone = float(rng.uniform(0.08, 0.35))
+    tone = rng.uniform(0.08, 0.35)
     wood = Material(Surface.WOOD, Label.POLE, (tone * 1.1, tone, tone * 0.85), Texture.BARK, 1.0)
-    return tube(0.14, float(rng.uniform(6.5, 10)), wood, 8, 0.1)
+    return tube(0.14, rng.uniform(6.5, 10), wood, 8, 0.1)
 
 
-def tube_pole(radius: float, height: float, colour: tuple[float, float, float]) -> Mesh:
+def tube_pole(radius: float, height: float, colour: Colour) -> Mesh:
     """A mast with a crossbar along y."""
     wood = Material(Surface.WOOD, Label.POLE, colour, Texture.BARK, 1.0)
     return join([tube(radius, height, wood, 8, radius * 0.75), box([0.1, 1.4, 0.12], [0, 0, height - 0.6], wood)])
@@ -44,19 +47,18 @@ def tube_pole(radius: float, height: float, colour: tuple[float, float, float]) 
 def traffic_sign(rng: np.random.Generator) -> Mesh:
     """One or two plates on a post, facing -x."""
     steel = _steel(0.35)
-    height = float(rng.uniform(2.0, 2.9))
-    parts = [tube(0.035, height + 0.35, steel, 6)]
+    height = rng.uniform(2.0, 2.9)
     plates = [_plate(rng, height - 0.75 * index) for index in range(1 + int(rng.random() < 0.25))]
-    return join([*parts, *plates])
+    return join([tube(0.035, height + 0.35, steel, 6), *plates])
 
 
 def _plate(rng: np.random.Generator, height: float) -> Mesh:
     """A round, three-cornered, square or long plate with a rim of another colour."""
-    corners, turn = [(24, 0.0), (3, np.pi / 2), (3, -np.pi / 2), (4, np.pi / 4), (4, 0.0)][int(rng.integers(5))]
+    corners, turn = pick(rng, [(24, 0.0), (3, np.pi / 2), (3, -np.pi / 2), (4, np.pi / 4), (4, 0.0)])
     rims = ((0.55, 0.02, 0.02), (0.02, 0.08, 0.45), (0.8, 0.8, 0.8), (0.75, 0.5, 0.02))
     fills = ((0.85, 0.85, 0.85), (0.02, 0.1, 0.5), (0.75, 0.5, 0.02))
-    rim, fill = rims[int(rng.integers(4))], fills[int(rng.integers(3))]
-    radius = float(rng.uniform(0.3, 0.42))
+    rim, fill = pick(rng, rims), pick(rng, fills)
+    radius = rng.uniform(0.3, 0.42)
     angle = np.arange(corners) / corners * 2 * np.pi + turn
     back = Material(Surface.METAL, Label.TRAFFIC_SIGN, (0.3, 0.3, 0.3))
     layers = []
@@ -65,23 +67,18 @@ def _plate(rng: np.random.Generator, height: float) -> Mesh:
         (0.72, -0.05, Material(Surface.SIGN_FACE, Label.TRAFFIC_SIGN, fill, Texture.SIGN)),
         (1.0, -0.04, back),
     ):
-        ring = np.column_stack(
-            [np.full(corners, x), radius * scale * np.cos(angle), height + radius * scale * np.sin(angle)]
-        )
-        centre = np.broadcast_to([x, 0.0, height], ring.shape)
-        layers.append(
-            quads(np.stack([centre, ring, np.roll(ring, -1, axis=0), np.roll(ring, -1, axis=0)], 1), material)
-        )
+        reach = radius * scale
+        ring = np.column_stack([np.full(corners, x), reach * np.cos(angle), height + reach * np.sin(angle)])
+        centre, after = np.broadcast_to([x, 0.0, height], ring.shape), np.roll(ring, -1, axis=0)
+        layers.append(quads(np.stack([centre, ring, after, after], 1), material))
     return join(layers)
 
 
 def board(rng: np.random.Generator) -> Mesh:
     """A direction board or an advertisement on two posts, facing -x."""
-    width, height, low = float(rng.uniform(1.2, 4.0)), float(rng.uniform(0.9, 2.4)), float(rng.uniform(0.8, 2.8))
+    width, height, low = rng.uniform(1.2, 4.0), rng.uniform(0.9, 2.4), rng.uniform(0.8, 2.8)
     colours = ((0.75, 0.55, 0.02), (0.02, 0.1, 0.45), (0.8, 0.8, 0.8), (0.1, 0.3, 0.12))
-    face = Material(
-        Surface.SIGN_FACE, Label.TRAFFIC_SIGN, colours[int(rng.integers(4))], Texture.SIGN, max(width, height)
-    )
+    face = Material(Surface.SIGN_FACE, Label.TRAFFIC_SIGN, pick(rng, colours), Texture.SIGN, max(width, height))
     posts = [tube(0.06, low + height, _steel(0.3), 6).moved((0.08, side * width * 0.4, 0)) for side in (-1, 1)]
     return join([*posts, box([0.05, width, height], [0, 0, low + height / 2], face)])
 
@@ -96,8 +93,8 @@ def gantry(rng: np.random.Generator, span: float) -> Mesh:
         box([0.3, span, 0.4], [0, -span / 2, 6.6], steel),
     ]
     for _ in range(int(rng.integers(1, 4))):
-        width = float(rng.uniform(2.5, 4.5))
-        parts.append(box([0.06, width, 2.4], [-0.25, -float(rng.uniform(width / 2, span - width / 2)), 6.6], face))
+        width = rng.uniform(2.5, 4.5)
+        parts.append(box([0.06, width, 2.4], [-0.25, -rng.uniform(width / 2, span - width / 2), 6.6], face))
     return join(parts)
 
 
@@ -114,8 +111,7 @@ def traffic_light(rng: np.random.Generator, reach: float) -> Mesh:
     for y, z in places:
         parts.append(box([0.25, 0.32, 0.95], [-0.1, y, z], black))
         for index, colour in enumerate(colours):
-            shine = colour if index == lit else tuple(0.08 * c for c in colour)
-            glass = Material(Surface.LAMP, Label.TRAFFIC_LIGHT, (shine[0], shine[1], shine[2]))
+            glass = Material(Surface.LAMP, Label.TRAFFIC_LIGHT, scaled(colour, 1.0 if index == lit else 0.08))
             parts.append(box([0.04, 0.2, 0.2], [-0.235, y, z + 0.28 * (1 - index)], glass))
     return join(parts)
 
@@ -124,18 +120,15 @@ def bollard(rng: np.random.Generator) -> Mesh:
     """A delineator or bollard."""
     white = Material(Surface.METAL, Label.POLE, (0.75, 0.75, 0.73))
     dark = Material(Surface.METAL, Label.POLE, (0.03, 0.03, 0.03))
-    height = float(rng.uniform(0.8, 1.05))
+    height = rng.uniform(0.8, 1.05)
     return join([tube(0.06, height, white, 6), tube(0.063, 0.14, dark, 6).moved((0, 0, height - 0.25))])
 
 
 def litter_bin(rng: np.random.Generator) -> Mesh:
     """A wheeled bin or a grey cabinet."""
     tone = rng.uniform(0.02, 0.3)
-    look = Material(
-        Surface.CANVAS,
-        Label.IGNORE,
-        (float(tone * rng.uniform(0.5, 1.2)), float(tone), float(tone * rng.uniform(0.4, 1.2))),
-    )
+    colour = (tone * rng.uniform(0.5, 1.2), tone, tone * rng.uniform(0.4, 1.2))
+    look = Material(Surface.CANVAS, Label.IGNORE, colour)
     size = rng.uniform([0.4, 0.4, 0.9], [0.9, 0.7, 1.4])
     return box(size.tolist(), [0, 0, float(size[2]) / 2], look)
 
@@ -158,35 +151,27 @@ def shelter(rng: np.random.Generator) -> Mesh:
 def picket_fence(rng: np.random.Generator, length: float, height: float) -> Mesh:
     """A fence along x with gaps between its pickets."""
     tones = ((0.3, 0.2, 0.12), (0.75, 0.75, 0.73), (0.12, 0.14, 0.12), (0.35, 0.35, 0.36))
-    wood = Material(Surface.WOOD, Label.FENCE, tones[int(rng.integers(4))], Texture.PLAIN)
-    pitch = float(rng.uniform(0.16, 0.32))
+    wood = Material(Surface.WOOD, Label.FENCE, pick(rng, tones), Texture.PLAIN)
+    pitch = rng.uniform(0.16, 0.32)
     x = np.arange(0, length, pitch)[:, None]
-    width = pitch * float(rng.uniform(0.3, 0.65))
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    pickets = np.stack(
-        [
-            np.hstack([x, zero, zero]),
-            np.hstack([x + width, zero, zero]),
-            np.hstack([x + width, zero, one * height]),
-            np.hstack([x, zero, one * height]),
-        ],
-        1,
-    )
+    width = pitch * rng.uniform(0.3, 0.65)
+    foot = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, 0]]) * width
+    pickets = x[..., None] * [1, 0, 0] + foot + np.array([[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]]) * height
     rails = [box([length, 0.05, 0.08], [length / 2, 0.03, height * share], wood) for share in (0.25, 0.8)]
     return join([quads(pickets, wood), *rails])
 
 
 def panel_fence(rng: np.random.Generator, length: float, height: float) -> Mesh:
     """A closed wooden fence along x."""
-    tone = float(rng.uniform(0.08, 0.4))
+    tone = rng.uniform(0.08, 0.4)
     planks = Material(Surface.WOOD, Label.FENCE, (tone * 1.15, tone, tone * 0.75), Texture.PLANKS, 2.2)
     return box([length, 0.06, height], [length / 2, 0, height / 2], planks)
 
 
 def garden_wall(rng: np.random.Generator, length: float, height: float) -> Mesh:
     """A low wall along x."""
-    tone = float(rng.uniform(0.2, 0.7))
-    texture = (Texture.COBBLES, Texture.PAVING, Texture.BRICK, Texture.CONCRETE)[int(rng.integers(4))]
+    tone = rng.uniform(0.2, 0.7)
+    texture = pick(rng, (Texture.COBBLES, Texture.PAVING, Texture.BRICK, Texture.CONCRETE))
     stone = Material(Surface.PAVING, Label.WALL, (tone, tone * 0.95, tone * 0.88), texture, 2.0)
     return box([length, 0.3, height], [length / 2, 0, height / 2], stone)
 
@@ -216,16 +201,10 @@ def wire_fence(length: float, height: float) -> Mesh:
 def guard_rail(length: float) -> Mesh:
     """A steel rail on posts along x, its face towards -y."""
     steel = Material(Surface.METAL, Label.FENCE, (0.42, 0.43, 0.44), Texture.METAL, 2.0)
-    heights = np.array([0.45, 0.52, 0.60, 0.68, 0.75])
-    offset = np.array([0.0, -0.08, 0.0, -0.08, 0.0])
+    profile = [(0.0, 0.45), (-0.08, 0.52), (0.0, 0.60), (-0.08, 0.68), (0.0, 0.75)]
     faces = [
-        [
-            (0, offset[i], heights[i]),
-            (length, offset[i], heights[i]),
-            (length, offset[i + 1], heights[i + 1]),
-            (0, offset[i + 1], heights[i + 1]),
-        ]
-        for i in range(4)
+        [(0, y, z), (length, y, z), (length, next_y, next_z), (0, next_y, next_z)]
+        for (y, z), (next_y, next_z) in pairwise(profile)
     ]
     post = box([0.1, 0.06, 0.7], [0.0, 0.08, 0.35], steel)
     posts = [post.moved((float(x), 0.0, 0.0)) for x in np.arange(0.5, length, 4.0)]
@@ -240,8 +219,8 @@ def concrete_barrier(length: float) -> Mesh:
 
 def noise_wall_look(rng: np.random.Generator) -> Material:
     """What a noise barrier is made of."""
-    tone, green = float(rng.uniform(0.06, 0.5)), float(rng.uniform(0.9, 1.3))
-    texture = (Texture.PLANKS, Texture.CONCRETE, Texture.HEDGE)[int(rng.integers(3))]
+    tone, green = rng.uniform(0.06, 0.5), rng.uniform(0.9, 1.3)
+    texture = pick(rng, (Texture.PLANKS, Texture.CONCRETE, Texture.HEDGE))
     return Material(Surface.PAVING, Label.WALL, (tone, tone * green, tone * 0.85), texture, 4.0)
 
 
@@ -253,36 +232,14 @@ def noise_wall(length: float, height: float, face: Material) -> Mesh:
 def pylon() -> Mesh:
     """A lattice mast of a power line, across x."""
     steel = _steel(0.3)
-    parts = []
+    faces = []
     for z in np.arange(0, 26, 4.0):
         wide, narrow = 2.6 * (1 - z / 32), 2.6 * (1 - (z + 4) / 32)
         for sx in (-1, 1):
             for sy in (-1, 1):
-                parts.append(
-                    quads(
-                        [
-                            [
-                                (sx * wide - 0.1, sy * wide, z),
-                                (sx * wide + 0.1, sy * wide, z),
-                                (sx * narrow + 0.1, sy * narrow, z + 4),
-                                (sx * narrow - 0.1, sy * narrow, z + 4),
-                            ]
-                        ],
-                        steel,
-                    )
-                )
-                parts.append(
-                    quads(
-                        [
-                            [
-                                (sx * wide, sy * wide, z),
-                                (sx * wide, sy * wide + 0.14, z),
-                                (sx * narrow, -sy * narrow + 0.14, z + 4),
-                                (sx * narrow, -sy * narrow, z + 4),
-                            ]
-                        ],
-                        steel,
-                    )
-                )
+                (x, y), (far_x, far_y), top = (sx * wide, sy * wide), (sx * narrow, sy * narrow), z + 4
+                faces.append([(x - 0.1, y, z), (x + 0.1, y, z), (far_x + 0.1, far_y, top), (far_x - 0.1, far_y, top)])
+                faces.append([(x, y, z), (x, y + 0.14, z), (far_x, -far_y + 0.14, top), (far_x, -far_y, top)])
+    parts = [quads(faces, steel)]
     parts += [box([0.3, 12.0 - 2 * k, 0.3], [0, 0, 18 + 4 * k], steel) for k in range(3)]
     return join(parts)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radcam_depth_ros.simulation.materials.surfaces import Surface
+from radcam_depth_ros.simulation.materials.surfaces import Surface, scaled
 from radcam_depth_ros.simulation.objects.animals import AnimalKind, build_animal
 from radcam_depth_ros.simulation.objects.bicycles import build_bicycle, build_motorcycle
 from radcam_depth_ros.simulation.objects.mesh import Mesh
@@ -14,9 +14,12 @@ from radcam_depth_ros.simulation.objects.people import Walker, build_walker
 from radcam_depth_ros.simulation.objects.plants import Plant, PlantKind, build_plant
 from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, VehicleKind
 from radcam_depth_ros.simulation.objects.vehicles import build_vehicle, paint, with_lamps_off
+from radcam_depth_ros.simulation.settings.configuration import Season
+from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.style import StreetStyle
 
 _CARS = (VehicleKind.HATCHBACK, VehicleKind.SALOON, VehicleKind.ESTATE, VehicleKind.SUV)
+_LARGE = (VehicleKind.VAN, VehicleKind.VAN, VehicleKind.TRUCK, VehicleKind.ARTICULATED, VehicleKind.BUS)
 
 
 @dataclass(frozen=True)
@@ -48,29 +51,24 @@ class Library:
     def draw_vehicle(self, rng: np.random.Generator, large: float) -> Vehicle:
         """A vehicle in traffic, of any colour; `large` is the share of vans, trucks and buses."""
         if rng.random() < 0.025:
-            return repainted(self.motorcycles[int(rng.integers(len(self.motorcycles)))], rng)
+            return repainted(pick(rng, self.motorcycles), rng)
         return self._draw_closed(rng, large)
 
     def draw_parked(self, rng: np.random.Generator, large: float = 0.0) -> Vehicle:
         """A parked vehicle of any colour; `large` is the share of vans, trucks and buses."""
-        if rng.random() < 0.02:
-            vehicle = repainted(self.standing[int(rng.integers(len(self.standing)))], rng)
-        else:
-            vehicle = self._draw_closed(rng, large)
+        vehicle = repainted(pick(rng, self.standing), rng) if rng.random() < 0.02 else self._draw_closed(rng, large)
         return replace(vehicle, mesh=with_lamps_off(vehicle.mesh))
 
     def _draw_closed(self, rng: np.random.Generator, large: float) -> Vehicle:
-        kinds = self.large if rng.random() < large else self.cars
-        return repainted(kinds[int(rng.integers(len(kinds)))], rng)
+        return repainted(pick(rng, self.large if rng.random() < large else self.cars), rng)
 
     def draw_walker(self, rng: np.random.Generator) -> Walker:
         """Somebody."""
-        return self.walkers[int(rng.integers(len(self.walkers)))]
+        return pick(rng, self.walkers)
 
     def draw_plant(self, rng: np.random.Generator, kind: PlantKind) -> Plant:
         """A plant of a kind."""
-        plants = self.plants[kind]
-        return plants[int(rng.integers(len(plants)))]
+        return pick(rng, self.plants[kind])
 
     def draw_tree(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
         """A tree as the season and the place have them."""
@@ -86,7 +84,7 @@ class Library:
 def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     """The vehicle in another colour, and as dirty as it happens to be."""
     mesh = vehicle.mesh.recoloured(Surface.BODYWORK, paint(rng))
-    grime = float(rng.uniform(0, 0.7)) * float(rng.random() < 0.6)
+    grime = rng.uniform(0, 0.7) * float(rng.random() < 0.6)
     if grime > 0:
         height = mesh.corners[..., 2].mean(axis=1)
         share = (grime * np.clip(1.3 - height, 0.12, 1.0))[:, None].astype(np.float32)
@@ -96,20 +94,17 @@ def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 
 def build_library(rng: np.random.Generator, style: StreetStyle) -> Library:
     """Builds the prototypes of a world."""
-    needles = tuple(0.55 * c for c in style.foliage) if style.season.value == "summer" else (0.025, 0.042, 0.022)
+    needles = scaled(style.foliage, 0.55) if style.season is Season.SUMMER else (0.025, 0.042, 0.022)
     colours = {
         PlantKind.BROADLEAF: style.foliage,
         PlantKind.BARE: style.twig,
-        PlantKind.CONIFER: (needles[0], needles[1], needles[2]),
+        PlantKind.CONIFER: needles,
         PlantKind.BUSH: style.foliage,
         PlantKind.BARE_BUSH: style.twig,
     }
     return Library(
-        cars=tuple(build_vehicle(rng, _CARS[index % 4]) for index in range(8)),
-        large=tuple(
-            build_vehicle(rng, kind)
-            for kind in (VehicleKind.VAN, VehicleKind.VAN, VehicleKind.TRUCK, VehicleKind.ARTICULATED, VehicleKind.BUS)
-        ),
+        cars=tuple(build_vehicle(rng, kind) for kind in 2 * _CARS),
+        large=tuple(build_vehicle(rng, kind) for kind in _LARGE),
         cyclists=tuple(build_bicycle(rng, with_rider=True) for _ in range(3)),
         bicycles=tuple(build_bicycle(rng, with_rider=False) for _ in range(2)),
         motorcycles=tuple(build_motorcycle(rng, with_rider=True) for _ in range(2)),

@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
-from radcam_depth_ros.simulation.objects.mesh import box, join, prism, quads
-from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, coat, glass, lamps, wheels
+from radcam_depth_ros.simulation.objects.mesh import box, join, pane, prism, quads
+from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, glass, lamps, wheels
+from radcam_depth_ros.simulation.settings.randomness import pick
 
 
 def build_van(rng: np.random.Generator) -> Vehicle:
     """A delivery van or minibus."""
     label = Label.CAR if rng.random() < 0.6 else Label.TRUCK
-    body = coat(Surface.BODYWORK, label, (0.7, 0.7, 0.7))
+    body = Material(Surface.BODYWORK, label, (0.7, 0.7, 0.7))
     length, width, height = (float(rng.uniform(*bounds)) for bounds in ((4.8, 6.2), (1.9, 2.05), (1.95, 2.65)))
     front, rear, low = length / 2, -length / 2, 0.3
-    nose = float(rng.uniform(1.05, 1.2))
-    screen = front - float(rng.uniform(0.5, 0.9))
+    nose = rng.uniform(1.05, 1.2)
+    screen = front - rng.uniform(0.5, 0.9)
     profile = [
         (rear, low),
         (front - 0.1, low),
@@ -28,40 +29,27 @@ def build_van(rng: np.random.Generator) -> Vehicle:
         (rear + 0.12, height),
         (rear, height - 0.1),
     ]
-    pane = glass(label)
-    windscreen = [
-        (screen + 0.03, -width * 0.44, nose + 0.12),
-        (screen + 0.03, width * 0.44, nose + 0.12),
-        (screen - 0.70, width * 0.40, height - 0.14),
-        (screen - 0.70, -width * 0.40, height - 0.14),
-    ]
-    panes = [windscreen]
+    panes = [pane((screen + 0.03, width * 0.44, nose + 0.12), (screen - 0.70, width * 0.40, height - 0.14))]
     rows = [(screen - 0.25, screen - 1.25)]
     if rng.random() < 0.6:
         rows += [(screen - 1.45, screen - 2.6), (screen - 2.75, rear + 0.3)]
-    for begin, stop in rows:
-        for side in (-1, 1):
-            base, peak = width * 0.493 + 0.01, width * 0.462 + 0.012
-            panes.append(
-                [
-                    (begin, side * base, nose + 0.15),
-                    (stop, side * base, nose + 0.15),
-                    (stop, side * peak, height * 0.85),
-                    (begin - 0.35 * (begin > screen - 1), side * peak, height * 0.85),
-                ]
-            )
+    base, peak = width * 0.493 + 0.01, width * 0.462 + 0.012
+    panes += [
+        [
+            (begin, side * base, nose + 0.15),
+            (stop, side * base, nose + 0.15),
+            (stop, side * peak, height * 0.85),
+            (begin - 0.35 * (begin > screen - 1), side * peak, height * 0.85),
+        ]
+        for begin, stop in rows
+        for side in (-1, 1)
+    ]
     if rng.random() < 0.7:
-        panes.append(
-            [
-                (rear - 0.012, -width * 0.4, nose + 0.2),
-                (rear - 0.012, width * 0.4, nose + 0.2),
-                (rear - 0.012, width * 0.38, height * 0.86),
-                (rear - 0.012, -width * 0.38, height * 0.86),
-            ]
-        )
-    parts = [prism(profile, width, body, width * 0.92, bulge=0.06), quads(panes, pane)]
+        panes.append(pane((rear - 0.012, width * 0.4, nose + 0.2), (rear - 0.012, width * 0.38, height * 0.86)))
+    parts = [prism(profile, width, body, width * 0.92, bulge=0.06), quads(panes, glass(label))]
     parts += lamps(label, front, rear, width / 2, 0.85, 1.4)
-    parts += [box([0.12, 0.18, 0.3], [screen - 0.1, side * (width / 2 + 0.1), nose + 0.3], pane) for side in (-1, 1)]
+    aside = width / 2 + 0.1
+    parts += [box([0.12, 0.18, 0.3], [screen - 0.1, y, nose + 0.3], glass(label)) for y in (-aside, aside)]
     parts += wheels(label, (-length * 0.29, length * 0.31), width, 0.34)
     return Vehicle(join(parts), length, width)
 
@@ -69,18 +57,18 @@ def build_van(rng: np.random.Generator) -> Vehicle:
 def build_truck(rng: np.random.Generator, articulated: bool) -> Vehicle:
     """A truck with a box body, or an articulated one."""
     label = Label.TRUCK
-    cab_paint = coat(Surface.BODYWORK, label, (0.5, 0.5, 0.5))
+    cab_paint = Material(Surface.BODYWORK, label, (0.5, 0.5, 0.5))
     load = float(rng.uniform(11, 13.6) if articulated else rng.uniform(4.5, 7.5))
     width, height = 2.5, float(rng.uniform(3.3, 4.0) if articulated else rng.uniform(2.8, 3.6))
     cab = 2.2
     length = load + cab + 0.4
     front, rear = length / 2, -length / 2
     tone = [(0.75, 0.75, 0.72), (0.55, 0.56, 0.55), (0.05, 0.12, 0.32), (0.35, 0.04, 0.03), (0.08, 0.22, 0.1)]
-    colour = tone[int(rng.choice(5, p=[0.45, 0.2, 0.15, 0.1, 0.1]))]
+    colour = pick(rng, tone, (0.45, 0.2, 0.15, 0.1, 0.1))
     texture = Texture.SIGN if rng.random() < 0.4 and max(colour) > 0.5 else Texture.METAL
     canvas = Material(Surface.CANVAS, label, colour, texture, 2.6)
-    frame = coat(Surface.METAL, label, (0.05, 0.05, 0.055))
-    cab_high = min(height - 0.1, float(rng.uniform(2.6, 3.4)))
+    frame = Material(Surface.METAL, label, (0.05, 0.05, 0.055))
+    cab_high = min(height - 0.1, rng.uniform(2.6, 3.4))
     profile = [
         (front - cab, 0.5),
         (front - 0.08, 0.4),
@@ -90,12 +78,7 @@ def build_truck(rng: np.random.Generator, articulated: bool) -> Vehicle:
         (front - 0.6, cab_high),
         (front - cab, cab_high),
     ]
-    screen = [
-        (front - 0.04, -1.05, 1.6),
-        (front - 0.04, 1.05, 1.6),
-        (front - 0.28, 1.0, cab_high - 0.45),
-        (front - 0.28, -1.0, cab_high - 0.45),
-    ]
+    screen = pane((front - 0.04, 1.05, 1.6), (front - 0.28, 1.0, cab_high - 0.45))
     doors = [
         [
             (front - 0.4, side * 1.215, 1.55),
@@ -113,20 +96,16 @@ def build_truck(rng: np.random.Generator, articulated: bool) -> Vehicle:
         quads([screen, *doors], glass(label)),
     ]
     parts += lamps(label, front, rear, 1.2, 0.85, 1.1)
-    axles = (
-        (front - 1.3, rear + 1.4, rear + 2.7)
-        if not articulated
-        else (front - 1.3, front - 4.2, rear + 1.4, rear + 2.7, rear + 4.0)
-    )
-    parts += wheels(label, axles, width, 0.5)
+    tractor, trailer = ((front - 4.2,), (rear + 4.0,)) if articulated else ((), ())
+    parts += wheels(label, (front - 1.3, *tractor, rear + 1.4, rear + 2.7, *trailer), width, 0.5)
     return Vehicle(join(parts), length, width)
 
 
 def build_bus(rng: np.random.Generator) -> Vehicle:
     """A city bus."""
     label = Label.BUS
-    body = coat(Surface.BODYWORK, label, (0.5, 0.5, 0.5))
-    length, width, height = float(rng.uniform(10.5, 12.2)), 2.5, float(rng.uniform(2.9, 3.2))
+    body = Material(Surface.BODYWORK, label, (0.5, 0.5, 0.5))
+    length, width, height = rng.uniform(10.5, 12.2), 2.5, rng.uniform(2.9, 3.2)
     front, rear = length / 2, -length / 2
     profile = [
         (rear, 0.35),
@@ -143,14 +122,11 @@ def build_bus(rng: np.random.Generator) -> Vehicle:
         for side in (-1, 1)
         for x in np.arange(rear + 0.3, front - 1.8, 1.6)
     ]
-    panes.append(
-        [(front + 0.0, -1.15, 0.95), (front + 0.0, 1.15, 0.95), (front - 0.11, 1.12, 2.6), (front - 0.11, -1.12, 2.6)]
-    )
-    panes.append(
-        [(rear - 0.012, -1.0, 1.5), (rear - 0.012, 1.0, 1.5), (rear - 0.012, 1.0, 2.4), (rear - 0.012, -1.0, 2.4)]
-    )
+    panes.append(pane((front + 0.0, 1.15, 0.95), (front - 0.11, 1.12, 2.6)))
+    panes.append(pane((rear - 0.012, 1.0, 1.5), (rear - 0.012, 1.0, 2.4)))
+    display = Material(Surface.LAMP, label, (0.6, 0.35, 0.02))
     parts = [prism(profile, width, body, width * 0.985), quads(panes, glass(label))]
-    parts += [box([0.06, 1.4, 0.25], [front - 0.12, 0, height - 0.28], coat(Surface.LAMP, label, (0.6, 0.35, 0.02)))]
+    parts.append(box([0.06, 1.4, 0.25], [front - 0.12, 0, height - 0.28], display))
     parts += lamps(label, front, rear, 1.2, 0.75, 1.3)
     parts += wheels(label, (front - 2.7, rear + 3.2), width, 0.48)
     return Vehicle(join(parts), length, width)

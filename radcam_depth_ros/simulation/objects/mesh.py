@@ -1,9 +1,10 @@
-"""Triangles with all that the sensors need to know of them, and the simple shapes that everything is built from."""
+"""Triangle meshes with the attributes that sensors need, and the simple shapes that objects are built from."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface
 
+Corner = tuple[float, float, float]
 ByteArray = npt.NDArray[np.uint8]
 
 
@@ -61,9 +63,14 @@ class Mesh:
         chosen = (self.surface == surface)[:, None]
         return replace(self, colour=np.where(chosen, np.asarray(colour, np.float32), self.colour))
 
-    def tinted(self, factor: npt.ArrayLike) -> Mesh:
-        """The mesh with all colours multiplied."""
-        return replace(self, colour=self.colour * np.asarray(factor, np.float32))
+    def with_axes(self, *order: int) -> Mesh:
+        """The mesh with its axes in another order: (0, 2, 1) lays an upright mesh on its side."""
+        corners, normals = (np.ascontiguousarray(part[..., order]) for part in (self.corners, self.normals))
+        return replace(self, corners=corners, normals=normals)
+
+    def mapped(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> Mesh:
+        """The mesh with each of its arrays changed."""
+        return Mesh(**{field.name: change(getattr(self, field.name)) for field in fields(Mesh)})
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
@@ -96,6 +103,11 @@ def quads(corners: npt.ArrayLike, material: Material, uv: npt.ArrayLike | None =
         texture = np.asarray(uv, np.float64).reshape(-1, 4, 2)
     split = np.array([[0, 1, 2], [0, 2, 3]])
     return _from_corners(points[:, split].reshape(-1, 3, 3), texture[:, split].reshape(-1, 3, 2), material)
+
+
+def pane(low: Corner, high: Corner) -> list[Corner]:
+    """Corners of an upright face from -y to y; `low` and `high` are the ends of its lower and upper edge."""
+    return [(low[0], -low[1], low[2]), low, high, (high[0], -high[1], high[2])]
 
 
 def box(size: Sequence[float], centre: Sequence[float], material: Material, top: Sequence[float] = (1.0, 1.0)) -> Mesh:
@@ -149,7 +161,7 @@ def _without_slivers(mesh: Mesh) -> Mesh:
     """Without the faces of no area that remain where corners of a quad meet."""
     edges = mesh.corners[:, 1:] - mesh.corners[:, :1]
     keep = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-7
-    return Mesh(**{field.name: getattr(mesh, field.name)[keep] for field in fields(Mesh)})
+    return mesh.mapped(lambda values: values[keep])
 
 
 def revolved(
@@ -194,8 +206,7 @@ def ball(
 ) -> Mesh:
     """A sphere, stretched about its centre."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, max(sections // 2, 3) + 1)
-    shape = revolved(np.column_stack([np.cos(angle), np.sin(angle)]) * radius, material, sections, scale)
-    return shape.moved(centre)
+    return revolved(np.column_stack([np.cos(angle), np.sin(angle)]) * radius, material, sections, scale).moved(centre)
 
 
 def sheet(

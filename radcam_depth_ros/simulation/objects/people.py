@@ -12,7 +12,7 @@ from radcam_depth_ros.simulation.objects.mesh import Mesh, ball, box, join
 POSES = 6
 """Poses of one double step."""
 
-STEP_M = 1.5
+DOUBLE_STEP_M = 1.5
 """Metres walked in one double step."""
 
 
@@ -38,9 +38,9 @@ def build_walker(rng: np.random.Generator) -> Walker:
         for c in (upper, lower, skin)
     )
     hair = Material(Surface.CLOTH, Label.PERSON, (0.02, 0.016, 0.012))
-    long_coat = float(rng.uniform(0.9, 1.3))
-    girth = float(rng.uniform(0.85, 1.2))
-    size = float(rng.uniform(0.92, 1.08)) * (0.68 if rng.random() < 0.12 else 1.0)
+    long_coat = rng.uniform(0.9, 1.3)
+    girth = rng.uniform(0.85, 1.2)
+    size = rng.uniform(0.92, 1.08) * (0.68 if rng.random() < 0.12 else 1.0)
     trunk = [
         ball(0.25, (0, 0, 1.18), coat, (0.58 * girth, 0.86 * girth, 1.3 * long_coat), 8),
         ball(0.09, (0, 0, 1.49), bare, (0.8, 0.8, 1.2), 6),

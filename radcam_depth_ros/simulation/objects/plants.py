@@ -1,4 +1,4 @@
-"""Trees, bushes and hedges: clouds of small faces on blobs, so that light and laser pass through the gaps."""
+"""Trees, bushes and hedges: clouds of small faces around spheres, so that light and laser pass through the gaps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.materials.surfaces import Colour, Label, Material, Surface, Texture, scaled
 from radcam_depth_ros.simulation.objects.mesh import Mesh, ball, box, cross, join, quads, tube
 
 
@@ -38,7 +38,7 @@ class Plant:
     height_m: float
 
 
-def build_plant(rng: np.random.Generator, kind: PlantKind, colour: tuple[float, float, float]) -> Plant:
+def build_plant(rng: np.random.Generator, kind: PlantKind, colour: Colour) -> Plant:
     """A plant of a kind.
 
     Args:
@@ -55,11 +55,9 @@ def build_plant(rng: np.random.Generator, kind: PlantKind, colour: tuple[float, 
     return _bush(rng, colour, bare=kind is PlantKind.BARE_BUSH)
 
 
-def hedge(
-    rng: np.random.Generator, length: float, width: float, height: float, colour: tuple[float, float, float]
-) -> Mesh:
+def hedge(rng: np.random.Generator, length: float, width: float, height: float, colour: Colour) -> Mesh:
     """A clipped hedge along x, from the origin on: a dark core in a coat of leaves."""
-    core = Material(Surface.FOLIAGE, Label.VEGETATION, _darkened(colour, 0.6), Texture.HEDGE, 1.5)
+    core = Material(Surface.FOLIAGE, Label.VEGETATION, scaled(colour, 0.6), Texture.HEDGE, 1.5)
     inner = box([length, width, height], [length / 2, 0, height / 2], core)
     count = int(14 * length)
     side = rng.integers(0, 3, count)
@@ -70,12 +68,12 @@ def hedge(
     return join([inner, _leaves(rng, centres, outward, 0.16, _leaf(colour))])
 
 
-def _leaf(colour: tuple[float, float, float]) -> Material:
+def _leaf(colour: Colour) -> Material:
     return Material(Surface.FOLIAGE, Label.VEGETATION, colour, Texture.LEAF, 1.2)
 
 
 def _bark(rng: np.random.Generator) -> Material:
-    tone = float(rng.uniform(0.03, 0.14))
+    tone = rng.uniform(0.03, 0.14)
     return Material(Surface.WOOD, Label.VEGETATION, (tone * 1.15, tone, tone * 0.85), Texture.BARK, 0.8)
 
 
@@ -93,15 +91,10 @@ def _leaves(
     second = cross(first, rng.standard_normal((count, 3)))
     second /= np.linalg.norm(second, axis=1, keepdims=True) + 1e-9
     half = size * rng.uniform(0.6, 1.3, (count, 1))
-    corners = np.stack(
-        [centres - first * half, centres - second * half * 0.7, centres + first * half, centres + second * half * 0.7],
-        1,
-    )
-    mesh = quads(
-        corners,
-        leaf,
-        (rng.uniform(0, 1, (count, 1, 2)) + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size / leaf.tile_m),
-    )
+    first, second = first * half, second * half * 0.7
+    corners = np.stack([centres - first, centres - second, centres + first, centres + second], 1)
+    uv = rng.uniform(0, 1, (count, 1, 2)) + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size / leaf.tile_m
+    mesh = quads(corners, leaf, uv)
     normal = outward + 0.35 * rng.standard_normal((count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     shade = np.repeat(rng.uniform(0.6, 1.3, (count, 1)), 2, axis=0)
@@ -123,10 +116,10 @@ def _on_blobs(
     return chosen[:, :3] + outward * radius * np.array([1, 1, 0.85]), outward
 
 
-def _broadleaf(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant:
-    height = float(rng.uniform(4.5, 10.0))
-    trunk = height * float(rng.uniform(0.25, 0.4))
-    spread = height * float(rng.uniform(0.22, 0.34))
+def _broadleaf(rng: np.random.Generator, colour: Colour) -> Plant:
+    height = rng.uniform(4.5, 10.0)
+    trunk = height * rng.uniform(0.25, 0.4)
+    spread = height * rng.uniform(0.22, 0.34)
     middle = (trunk + height) / 2
     count = int(rng.integers(5, 9))
     blobs = np.column_stack(
@@ -139,16 +132,16 @@ def _broadleaf(rng: np.random.Generator, colour: tuple[float, float, float]) -> 
     )
     blobs[0] = (0, 0, middle, spread * 0.8)
     stem = tube(0.018 * height + 0.05, middle, _bark(rng), 7, 0.05)
-    dark = Material(Surface.FOLIAGE, Label.VEGETATION, _darkened(colour, 0.45), Texture.LEAF, 1.2)
+    dark = Material(Surface.FOLIAGE, Label.VEGETATION, scaled(colour, 0.45), Texture.LEAF, 1.2)
     core = [ball(r * 0.72, (x, y, z), dark, sections=8) for x, y, z, r in blobs]
     near = join([stem, *core, _leaves(rng, *_on_blobs(rng, blobs, 750), 0.22, _leaf(colour))])
     far = join([stem, *core[:4], _leaves(rng, *_on_blobs(rng, blobs, 150), 0.42, _leaf(colour))])
     return Plant(near, far, height)
 
 
-def _conifer(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant:
-    height = float(rng.uniform(6, 15))
-    spread = height * float(rng.uniform(0.14, 0.22))
+def _conifer(rng: np.random.Generator, colour: Colour) -> Plant:
+    height = rng.uniform(6, 15)
+    spread = height * rng.uniform(0.14, 0.22)
     stem = tube(0.012 * height + 0.06, height * 0.95, _bark(rng), 6, 0.03)
 
     def needles(count: int, size: float) -> Mesh:
@@ -165,8 +158,8 @@ def _conifer(rng: np.random.Generator, colour: tuple[float, float, float]) -> Pl
     return Plant(join([stem, needles(950, 0.24)]), join([stem, needles(190, 0.5)]), height)
 
 
-def _bare(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant:
-    height = float(rng.uniform(5, 12))
+def _bare(rng: np.random.Generator, colour: Colour) -> Plant:
+    height = rng.uniform(5, 12)
     starts, ends, widths = [np.zeros(3)], [np.array([0, 0, height * 0.35])], [0.02 * height]
     order = [0]
     for depth in range(1, 4):
@@ -185,12 +178,11 @@ def _bare(rng: np.random.Generator, colour: tuple[float, float, float]) -> Plant
     segments = np.stack([np.array(starts), np.array(ends)], 1)
     thickness = np.maximum(np.array(widths), 0.008)
     bark = _bark(rng)
+    twig = replace(bark, colour=colour, texture=Texture.PLAIN)
     level = np.array(order)
-    near = [_sticks(segments, thickness, bark), _twigs(rng, segments[level == 3], 5, 0.012, height, bark, colour)]
-    far = [
-        _sticks(segments[level < 3], thickness[level < 3], bark),
-        _twigs(rng, segments[level == 2], 5, 0.03, height, bark, colour),
-    ]
+    near = [_sticks(segments, thickness, bark), _twigs(rng, segments[level == 3], 0.012, height, twig)]
+    inner = level < 3
+    far = [_sticks(segments[inner], thickness[inner], bark), _twigs(rng, segments[level == 2], 0.03, height, twig)]
     return Plant(join(near), join(far), height)
 
 
@@ -204,23 +196,16 @@ def _sticks(segments: npt.NDArray[np.floating], width: npt.NDArray[np.floating],
     faces = []
     for across in (first, second):
         low, high = across * width[:, None], across * width[:, None] * 0.6
-        faces.append(
-            np.stack([segments[:, 0] - low, segments[:, 0] + low, segments[:, 1] + high, segments[:, 1] - high], 1)
-        )
+        start, stop = segments[:, 0], segments[:, 1]
+        faces.append(np.stack([start - low, start + low, stop + high, stop - high], 1))
     return quads(np.concatenate(faces), material)
 
 
 def _twigs(
-    rng: np.random.Generator,
-    branches: npt.NDArray[np.floating],
-    each: int,
-    width: float,
-    height: float,
-    bark: Material,
-    colour: tuple[float, float, float],
+    rng: np.random.Generator, branches: npt.NDArray[np.floating], width: float, height: float, twig: Material
 ) -> Mesh:
-    twig = replace(bark, colour=colour, texture=Texture.PLAIN)
-    origin = np.repeat(branches, each, axis=0)
+    """Five twigs on each branch (N, 2, 3) of a tree of a height."""
+    origin = np.repeat(branches, 5, axis=0)
     base = origin[:, 0] + (origin[:, 1] - origin[:, 0]) * rng.uniform(0.3, 1, (len(origin), 1))
     reach = rng.normal(0, 0.05 * height, (len(origin), 3)) + np.array([0, 0, 0.02 * height])
     side = cross(reach, rng.standard_normal(reach.shape))
@@ -228,8 +213,8 @@ def _twigs(
     return quads(np.stack([base - side, base + side, base + reach + side * 0.3, base + reach - side * 0.3], 1), twig)
 
 
-def _bush(rng: np.random.Generator, colour: tuple[float, float, float], bare: bool) -> Plant:
-    height = float(rng.uniform(0.8, 2.4))
+def _bush(rng: np.random.Generator, colour: Colour, bare: bool) -> Plant:
+    height = rng.uniform(0.8, 2.4)
     count = int(rng.integers(2, 6))
     radius = height * rng.uniform(0.3, 0.5, count)
     blobs = np.column_stack([rng.normal(0, height * 0.4, (count, 2)), height - radius * 1.05, radius])
@@ -245,13 +230,8 @@ def _bush(rng: np.random.Generator, colour: tuple[float, float, float], bare: bo
 
         wood = Material(Surface.FOLIAGE, Label.VEGETATION, colour)
         return Plant(quads(stalks(160, 0.012), wood), quads(stalks(40, 0.04), wood), height)
-    dark = Material(Surface.FOLIAGE, Label.VEGETATION, _darkened(colour, 0.5), Texture.HEDGE, 1.2)
+    dark = Material(Surface.FOLIAGE, Label.VEGETATION, scaled(colour, 0.5), Texture.HEDGE, 1.2)
     core = [ball(r * 0.8, (x, y, z), dark, sections=8) for x, y, z, r in blobs]
     near = join([*core, _leaves(rng, *_on_blobs(rng, blobs, 220), 0.13, _leaf(colour))])
     far = join([*core, _leaves(rng, *_on_blobs(rng, blobs, 40), 0.3, _leaf(colour))])
     return Plant(near, far, height)
-
-
-def _darkened(colour: tuple[float, float, float], share: float) -> tuple[float, float, float]:
-    red, green, blue = colour
-    return share * red, share * green, share * blue

@@ -1,4 +1,4 @@
-"""What rays can hit: the static surroundings and the movers, in two bounding volume hierarchies."""
+"""Ray casting against the static surroundings and the movers, in two bounding volume hierarchies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ IntArray = npt.NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Hits:
-    """The first thing that each of N rays met.
+    """The first face that each of N rays met.
 
     Attributes:
         face: (N,) int32, index into the scene's faces, -1 where nothing was met.
@@ -88,7 +88,7 @@ class Scene:
             grown[: self._static_count] = array[: self._static_count]
             return grown
 
-        self._faces = Mesh(**{entry.name: longer(getattr(self._faces, entry.name)) for entry in fields(Mesh)})
+        self._faces = self._faces.mapped(longer)
         self.velocity = longer(self.velocity)
         self.tiles_per_metre = longer(self.tiles_per_metre)
 

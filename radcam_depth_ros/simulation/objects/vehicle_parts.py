@@ -1,4 +1,4 @@
-"""What vehicles are put together from: wheels, lamps, glass, coats."""
+"""Parts of vehicles: wheels, lamps and glass."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import numpy as np
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.objects.mesh import Mesh, box, revolved, tube
 
-Colour = tuple[float, float, float]
-
 
 class VehicleKind(IntEnum):
-    """What traffic is made of."""
+    """Kinds of vehicle."""
 
     HATCHBACK = 0
     SALOON = 1
@@ -41,11 +39,6 @@ class Vehicle:
     width_m: float
 
 
-def coat(surface: Surface, label: Label, colour: tuple[float, float, float]) -> Material:
-    """A plain material."""
-    return Material(surface, label, colour)
-
-
 def glass(label: Label) -> Material:
     """Dark glass."""
     return Material(Surface.GLASS, label, (0.015, 0.018, 0.02))
@@ -53,12 +46,12 @@ def glass(label: Label) -> Material:
 
 def wheels(label: Label, positions_x: tuple[float, ...], track: float, radius: float) -> list[Mesh]:
     """Wheels on both sides at places along x; `track` is the width of the vehicle."""
-    tyre = coat(Surface.RUBBER, label, (0.02, 0.02, 0.022))
+    tyre = Material(Surface.RUBBER, label, (0.02, 0.02, 0.022))
     rim = Material(Surface.METAL, label, (0.35, 0.35, 0.37), Texture.GRILLE, radius)
     hub = revolved([[radius * 0.62, 0.225], [0.0, 0.24]], rim, 8)
     upright = [tube(radius, 0.22, tyre, 12), hub]
     # Laid on their side, open end towards the vehicle.
-    turned = [laid(part) for part in upright]
+    turned = [part.with_axes(0, 2, 1) for part in upright]
     wheels = []
     for x in positions_x:
         for side in (-1.0, 1.0):
@@ -67,30 +60,16 @@ def wheels(label: Label, positions_x: tuple[float, ...], track: float, radius: f
     return wheels
 
 
-def laid(mesh: Mesh) -> Mesh:
-    """A mesh that stands upright, laid on its side: z becomes y."""
-    order = [0, 2, 1]
-    return Mesh(
-        np.ascontiguousarray(mesh.corners[..., order]),
-        np.ascontiguousarray(mesh.normals[..., order]),
-        mesh.uv,
-        mesh.colour,
-        mesh.texture,
-        mesh.surface,
-        mesh.label,
-    )
-
-
 def lamps(label: Label, front_x: float, rear_x: float, half_width: float, height: float, size: float) -> list[Mesh]:
     """Head lamps, tail lamps and number plates; `size` widens or heightens them."""
-    white = coat(Surface.LAMP, label, (0.8, 0.8, 0.75))
-    red = coat(Surface.LAMP, label, (0.45, 0.015, 0.01))
+    white = Material(Surface.LAMP, label, (0.8, 0.8, 0.75))
+    red = Material(Surface.LAMP, label, (0.45, 0.015, 0.01))
     parts = []
     for side in (-1, 1):
         y = side * (half_width - 0.24)
         parts.append(box([0.12, 0.3, 0.11 * size], [front_x - 0.08, y - side * 0.04, height - 0.03], white))
         parts.append(box([0.1, 0.22 if size < 1.2 else 0.14, 0.17 * size], [rear_x + 0.03, y, height + 0.1], red))
-    plate = coat(Surface.SIGN_FACE, label, (0.7, 0.7, 0.66))
+    plate = Material(Surface.SIGN_FACE, label, (0.7, 0.7, 0.66))
     parts.append(box([0.03, 0.5, 0.11], [rear_x - 0.005, 0, height - 0.12], plate))
     parts.append(box([0.03, 0.5, 0.11], [front_x + 0.005, 0, height - 0.22], plate))
     return parts

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from radcam_depth_ros.simulation.materials.surfaces import Surface
+from radcam_depth_ros.simulation.materials.surfaces import Colour, Surface
 from radcam_depth_ros.simulation.objects.cars import build_car
 from radcam_depth_ros.simulation.objects.lorries import build_bus, build_truck, build_van
 from radcam_depth_ros.simulation.objects.mesh import Mesh
-from radcam_depth_ros.simulation.objects.vehicle_parts import Colour, Vehicle, VehicleKind
+from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, VehicleKind
+from radcam_depth_ros.simulation.settings.randomness import pick
 
 # Linear RGB and how common it is: most vehicles are black, grey or white.
 _PAINTS: tuple[tuple[Colour, float], ...] = (
@@ -43,7 +44,7 @@ def build_vehicle(rng: np.random.Generator, kind: VehicleKind) -> Vehicle:
 def paint(rng: np.random.Generator) -> Colour:
     """A colour of bodywork."""
     shares = np.array([share for _, share in _PAINTS])
-    r, g, b = np.array(_PAINTS[int(rng.choice(len(_PAINTS), p=shares))][0]) * rng.uniform(0.75, 1.25)
+    r, g, b = np.array(pick(rng, _PAINTS, shares)[0]) * rng.uniform(0.75, 1.25)
     return float(r), float(g), float(b)
 
 

@@ -109,7 +109,7 @@ def with_false_echoes(echoes: Echoes, unit: RadarUnit, rng: np.random.Generator)
 
     So many returns as the radar gives are kept, true ones or not.
     """
-    count = int(rng.poisson(unit.clutter))
+    count = rng.poisson(unit.clutter)
     clutter = _from_nothing(rng.uniform(-unit.half_view, unit.half_view, count), unit, rng)
     everything = echoes.joined(_ghosts(echoes, unit, rng), clutter)
     if rng.random() < unit.interference:

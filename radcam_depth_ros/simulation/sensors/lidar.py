@@ -37,7 +37,7 @@ def sweep_lidar(
         wetness: Of the ground, 0 dry to 1 wet.
         rng: Random generator.
     """
-    local = _directions(beams, config.columns, float(rng.uniform(0, 2 * np.pi / config.columns)))
+    local = _directions(beams, config.columns, rng.uniform(0, 2 * np.pi / config.columns))
     directions = local @ world_from_lidar.rotation.T.astype(np.float32)
     origin = world_from_lidar.translation.astype(np.float32)
     hits = scene.cast(np.broadcast_to(origin, directions.shape).copy(), directions)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.sensor_configuration import LidarConfig, LidarUnit
 from radcam_depth_ros.simulation.world.path import DoubleArray
 
@@ -44,7 +45,7 @@ _UNITS: dict[LidarUnit, Beams] = {
 
 def draw_beams(config: LidarConfig, rng: np.random.Generator) -> Beams:
     """The unit that is configured, or one of all; with as many beams as are configured."""
-    drawn = list(_UNITS)[int(rng.integers(len(_UNITS)))]
+    drawn = pick(rng, list(_UNITS))
     found = _UNITS[drawn if config.unit is LidarUnit.ANY else config.unit]
     elevations: npt.NDArray[np.float64] = found.elevations_deg
     if config.beams is not None:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FloatArray
 from radcam_depth_ros.geometry import RigidTransform
+from radcam_depth_ros.simulation.settings.randomness import log_uniform, pick
 
 _COARSE = 8
 _SMEAR_STEPS = 5
@@ -26,11 +27,11 @@ class Optics:
             rain: How much rain falls, 0 to 1.
         """
         self._rain = rain
-        self._veil = float(rng.uniform(0, 0.03)) if rng.random() < 0.8 else float(rng.uniform(0.03, 0.12))
-        self._glare = float(np.exp(rng.uniform(np.log(0.01), np.log(0.15))))
-        self._blur = float(rng.choice([0.0, rng.uniform(0.3, 0.6), rng.uniform(0.6, 1.2)], p=[0.35, 0.47, 0.18]))
-        self._fringe = float(rng.normal(0, 0.0012)) if rng.random() < 0.3 else 0.0
-        fall = float(rng.uniform(0, 0.45))
+        self._veil = rng.uniform(0, 0.03) if rng.random() < 0.8 else rng.uniform(0.03, 0.12)
+        self._glare = log_uniform(rng, 0.01, 0.15)
+        self._blur = pick(rng, (0.0, rng.uniform(0.3, 0.6), rng.uniform(0.6, 1.2)), (0.35, 0.47, 0.18))
+        self._fringe = rng.normal(0, 0.0012) if rng.random() < 0.3 else 0.0
+        fall = rng.uniform(0, 0.45)
         x, y = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height) * height / width)
         self._vignette = (1 - fall * (x * x + y * y) / (1 + (height / width) ** 2)).astype(np.float32)[..., None]
         self._drops = _spots(rng, width, height, int(rng.integers(4, 60)), 0.012) if rng.random() < 0.6 * rain else None
@@ -90,7 +91,7 @@ def _spots(rng: np.random.Generator, width: int, height: int, count: int, size: 
     for x, y, scale in rng.random((count, 3)):
         radius = max(1, round(size * width * (0.2 + scale**3)))
         axes = (radius, max(1, round(radius * rng.uniform(0.7, 1.5))))
-        cv2.ellipse(mask, (int(x * width), int(y * height)), axes, 0, 0, 360, float(rng.uniform(0.4, 0.95)), -1)
+        cv2.ellipse(mask, (int(x * width), int(y * height)), axes, 0, 0, 360, rng.uniform(0.4, 0.95), -1)
     return np.asarray(cv2.GaussianBlur(mask, (0, 0), max(0.8, size * width * 0.15))[..., None], np.float32)
 
 

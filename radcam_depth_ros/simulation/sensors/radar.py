@@ -93,7 +93,7 @@ def sweep_imaging_radar(
     fan = Fan.around_horizon(unit.half_view, columns, np.deg2rad(-14.0), np.deg2rad(16.0), 30)
     echoes = trace(scene, world_from_radar, radar_velocity, fan, unit, rng)
     # Its threshold follows what it sees, so that no sweep has as many points as another.
-    unit = replace(unit, max_points=max(1, round(unit.max_points * float(rng.lognormal(-0.1, 0.25)))))
+    unit = replace(unit, max_points=max(1, round(unit.max_points * rng.lognormal(-0.1, 0.25))))
     found = detected(gather(echoes, Cells(unit.range_cell_m, unit.azimuth_cell, np.deg2rad(1.5), 0.4)), unit, rng)
     found = with_false_echoes(with_spread(found, unit, unit.spread, rng), unit, rng)
     count, steady = len(found), _steadiness(found, unit)

@@ -121,7 +121,7 @@ def draw_radar(config: RadarConfig, rng: np.random.Generator) -> RadarUnit:
         road_mirror=draws.up_to(config.max_road_mirror),
         interference=config.interference,
         reflectivity=_draw_reflectivity(config.material_spread_db, rng),
-        clock_offset_s=float(rng.uniform(-1, 1)) * config.max_clock_offset_s,
+        clock_offset_s=rng.uniform(-1, 1) * config.max_clock_offset_s,
         clock_jitter_s=config.clock_jitter_s,
         mount_from_radar=_draw_mounting_error(config, rng),
     )
@@ -150,16 +150,16 @@ class _Draws:
 
     def even(self, name: str) -> float:
         low, high = self._range(name)
-        return low + (high - low) * float(self._rng.random())
+        return low + (high - low) * self._rng.random()
 
     def by_magnitude(self, name: str) -> float:
         """Even in the logarithm: as likely between 1 and 2 as between 2 and 4."""
         low, high = self._range(name)
-        share = float(self._rng.random())
+        share = self._rng.random()
         return float(low * (high / low) ** share) if low > 0 else high * share
 
     def up_to(self, high: float) -> float:
-        return high * float(self._rng.random())
+        return high * self._rng.random()
 
     def _range(self, name: str) -> tuple[float, float]:
         return float(getattr(self._config, f"min_{name}")), float(getattr(self._config, f"max_{name}"))

@@ -71,12 +71,10 @@ def draw_rig(
         camera,
         RigidTransform(np.eye(3), np.array([0.0, 0.0, _BASE_HEIGHT_M])),
         {
-            CAMERA: _mounted(float(rng.uniform(0.6, 1.2)), float(aside[0]) * 0.5, height_m, *tilt) @ optical,
-            RADAR: _radar_mounted(radar, float(rng.random()), float(aside[1]), float(radar_yaw)),
-            IMAGING_RADAR: _radar_mounted(imaging_radar, float(rng.random()), float(aside[2]), float(imaging_yaw)),
-            LIDAR: _mounted(
-                0.2, 0.0, float(rng.uniform(lidar.min_height_m, lidar.max_height_m)), 0.0, 0.0, float(lidar_yaw)
-            ),
+            CAMERA: _mounted(rng.uniform(0.6, 1.2), float(aside[0]) * 0.5, height_m, *tilt) @ optical,
+            RADAR: _radar_mounted(radar, rng.random(), float(aside[1]), float(radar_yaw)),
+            IMAGING_RADAR: _radar_mounted(imaging_radar, rng.random(), float(aside[2]), float(imaging_yaw)),
+            LIDAR: _mounted(0.2, 0.0, rng.uniform(lidar.min_height_m, lidar.max_height_m), 0.0, 0.0, float(lidar_yaw)),
         },
     )
 

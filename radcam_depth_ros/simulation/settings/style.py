@@ -1,4 +1,4 @@
-"""What a seed decides once of the street: its cross-section, its season, its colours."""
+"""Draws the street of a seed: its cross-section, season and colours."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from radcam_depth_ros.simulation.materials.surfaces import Texture
+from radcam_depth_ros.simulation.materials.surfaces import Colour, Texture
 from radcam_depth_ros.simulation.settings.configuration import Season, StreetKind, WorldConfig
-
-Colour = tuple[float, float, float]
+from radcam_depth_ros.simulation.settings.randomness import log_uniform, pick
 
 
 class Land(IntEnum):
@@ -166,14 +165,73 @@ class StreetStyle:
         return self.median_m / 2 + (-lane - 0.5) * self.lane_m
 
 
-# Weights of Land's members, in its order.
-_LAND: dict[StreetKind, tuple[float, ...]] = {
-    StreetKind.TOWN: (0.72, 0.04, 0.02, 0.0, 0.06, 0.07, 0.0, 0.05, 0.04),
-    StreetKind.RESIDENTIAL: (0.08, 0.62, 0.06, 0.04, 0.02, 0.11, 0.0, 0.04, 0.03),
-    StreetKind.ARTERIAL: (0.14, 0.09, 0.24, 0.08, 0.20, 0.11, 0.03, 0.06, 0.05),
-    StreetKind.RURAL: (0.0, 0.10, 0.32, 0.46, 0.03, 0.05, 0.0, 0.01, 0.03),
-    StreetKind.HIGHWAY: (0.0, 0.03, 0.33, 0.33, 0.08, 0.05, 0.14, 0.02, 0.02),
-    StreetKind.CAR_PARK: (0.0, 0.0, 0.0, 0.0, 0.06, 0.0, 0.0, 0.7, 0.24),
+@dataclass(frozen=True)
+class _Usual:
+    """What is usual for a kind of cross-section.
+
+    Attributes:
+        land: Weights of `Land`'s members, in its order.
+        speed_mps: Speed, from and to.
+        bank_m: Height of the land beside the road, from and to.
+        min_radius_m: Tightest curve.
+        jam: Share of the seeds in a queue of vehicles.
+        askew: Share of the seeds in which the own vehicle turns or leaves a parking place.
+        people_per_100m: On each sidewalk.
+        crossings: Probability of a side road in a stretch.
+        wires: Share of the seeds with wires along the road.
+    """
+
+    land: tuple[float, ...]
+    speed_mps: tuple[float, float]
+    bank_m: tuple[float, float] = (0.0, 0.0)
+    min_radius_m: float = 110.0
+    jam: float = 0.15
+    askew: float = 0.07
+    people_per_100m: float = 0.1
+    crossings: float = 0.03
+    wires: float = 0.03
+
+
+_USUAL = {
+    StreetKind.TOWN: _Usual(
+        (0.72, 0.04, 0.02, 0.0, 0.06, 0.07, 0.0, 0.05, 0.04), (3.0, 13.0), people_per_100m=5.0, crossings=0.2
+    ),
+    StreetKind.RESIDENTIAL: _Usual(
+        (0.08, 0.62, 0.06, 0.04, 0.02, 0.11, 0.0, 0.04, 0.03),
+        (3.0, 9.0),
+        (-0.7, 1.2),
+        people_per_100m=2.0,
+        crossings=0.25,
+        wires=0.15,
+    ),
+    StreetKind.ARTERIAL: _Usual(
+        (0.14, 0.09, 0.24, 0.08, 0.20, 0.11, 0.03, 0.06, 0.05),
+        (6.0, 19.0),
+        (-1.0, 1.5),
+        min_radius_m=160.0,
+        people_per_100m=1.2,
+        crossings=0.15,
+    ),
+    StreetKind.RURAL: _Usual(
+        (0.0, 0.10, 0.32, 0.46, 0.03, 0.05, 0.0, 0.01, 0.03),
+        (12.0, 27.0),
+        (-3.0, 4.0),
+        jam=0.04,
+        askew=0.03,
+        crossings=0.1,
+        wires=0.3,
+    ),
+    StreetKind.HIGHWAY: _Usual(
+        (0.0, 0.03, 0.33, 0.33, 0.08, 0.05, 0.14, 0.02, 0.02), (18.0, 34.0), (-4.0, 5.0), 450.0, askew=0.0
+    ),
+    StreetKind.CAR_PARK: _Usual(
+        (0.0, 0.0, 0.0, 0.0, 0.06, 0.0, 0.0, 0.7, 0.24),
+        (0.5, 4.0),
+        jam=0.0,
+        askew=0.4,
+        people_per_100m=2.0,
+        crossings=0.0,
+    ),
 }
 # How common each kind is where any is asked for.
 _COMMON = {
@@ -187,99 +245,89 @@ _COMMON = {
     StreetKind.TUNNEL: 0.03,
     StreetKind.CONSTRUCTION: 0.06,
 }
-# The cross-sections that what is special is found on.
+# The cross-sections on which each special kind is found.
 _SECTIONS = {
     StreetKind.JUNCTION: (StreetKind.TOWN, StreetKind.ARTERIAL),
     StreetKind.TUNNEL: (StreetKind.TOWN, StreetKind.ARTERIAL, StreetKind.HIGHWAY),
-    StreetKind.CONSTRUCTION: (
-        *(StreetKind.TOWN, StreetKind.RESIDENTIAL, StreetKind.ARTERIAL, StreetKind.RURAL, StreetKind.HIGHWAY),
-    ),
+    StreetKind.CONSTRUCTION: tuple(kind for kind in _USUAL if kind is not StreetKind.CAR_PARK),
 }
 
 
 def draw_style(rng: np.random.Generator, config: WorldConfig) -> StreetStyle:
     """Draws the street of a seed."""
-    special = config.street
-    if special is StreetKind.ANY:
-        shares = np.array(list(_COMMON.values()))
-        special = list(_COMMON)[int(rng.choice(len(_COMMON), p=shares / shares.sum()))]
-    sections = _SECTIONS.get(special, (special,))
-    kind = sections[int(rng.integers(len(sections)))]
-    season = config.season
-    if season is Season.ANY:
-        seasons = [Season.SUMMER, Season.AUTUMN, Season.WINTER, Season.SNOW]
-        season = seasons[int(rng.choice(4, p=[0.38, 0.17, 0.27, 0.18]))]
-    # Albedo from 0.03 (fresh asphalt) to 0.4 (concrete), even in its logarithm: no brightness belongs to the road.
-    asphalt = float(np.exp(rng.uniform(np.log(0.03), np.log(0.4))))
+    special, kind, season = _draw_kinds(rng, config)
+    usual, works, junction = _USUAL[kind], special is StreetKind.CONSTRUCTION, special is StreetKind.JUNCTION
+    is_highway = kind is StreetKind.HIGHWAY
+    # Albedo from 0.03 (fresh asphalt) to 0.4 (concrete), uniform in its logarithm, so that brightness does not
+    # identify the road.
+    asphalt = log_uniform(rng, 0.03, 0.4)
     grass, foliage, bare = _growth(rng, season)
     lanes, oncoming, lane_m, median = _lanes(rng, kind)
-    works, junction = special is StreetKind.CONSTRUCTION, special is StreetKind.JUNCTION
-    # A queue of vehicles: slow and close together, in towns above all.
-    jam = rng.random() < {StreetKind.RURAL: 0.04, StreetKind.CAR_PARK: 0.0}.get(kind, 0.15)
-    waiting = bool(junction and rng.random() < 0.45)
-    speed = float(rng.uniform(0.3, 4.0)) if jam else _speed(rng, kind) * (0.6 if works else 1.0)
-    askew = 0.0
-    if rng.random() < {StreetKind.CAR_PARK: 0.4, StreetKind.RURAL: 0.03, StreetKind.HIGHWAY: 0.0}.get(kind, 0.07):
-        askew, speed = float(rng.uniform(-1.3, 1.3)), min(speed, float(rng.uniform(0.5, 2.0)))
-    land = np.array(_LAND[kind])
+    jam, waiting, speed, askew = _draw_pace(rng, usual, works, junction)
+    closed_lanes = int(works and lanes > 1 and rng.random() < 0.7)
+    wide, narrow, other = rng.uniform(1.5, 3.2), rng.uniform(0.0, 1.2), rng.uniform(0.2, 0.6)
+    land = np.array(usual.land)
     return StreetStyle(
         kind=kind,
         special=special,
         season=season,
         lanes=lanes,
         oncoming_lanes=oncoming,
-        closed_lanes=int(works and lanes > 1 and rng.random() < 0.7),
+        closed_lanes=closed_lanes,
         lane_m=lane_m,
         median_m=median,
-        shoulder_m={
-            StreetKind.HIGHWAY: float(rng.uniform(1.5, 3.2)),
-            StreetKind.RURAL: float(rng.uniform(0.0, 1.2)),
-        }.get(kind, float(rng.uniform(0.2, 0.6))),
+        shoulder_m=wide if is_highway else narrow if kind is StreetKind.RURAL else other,
         left=_side(rng, kind, config.parked, flat=junction),
         right=_side(rng, kind, config.parked, flat=junction),
-        kerb_m=float(rng.uniform(0.04, 0.16)),
+        kerb_m=rng.uniform(0.04, 0.16),
         speed_mps=0.0 if waiting else speed * config.speed,
         askew_rad=askew,
-        min_radius_m={StreetKind.HIGHWAY: 450.0, StreetKind.RURAL: 110.0, StreetKind.ARTERIAL: 160.0}.get(kind, 110.0),
-        headway_m=float(np.exp(rng.uniform(np.log(14), np.log(220))))
-        * (1.5 if kind is StreetKind.HIGHWAY else 1.0)
-        * (0.12 if jam or waiting else 1.0),
+        min_radius_m=usual.min_radius_m,
+        headway_m=log_uniform(rng, 14, 220) * (1.5 if is_highway else 1.0) * (0.12 if jam or waiting else 1.0),
         waiting=waiting,
-        large=float(rng.uniform(0.03, 0.45 if kind in (StreetKind.HIGHWAY, StreetKind.ARTERIAL) else 0.3)),
-        people_per_100m={
-            StreetKind.TOWN: 5.0,
-            StreetKind.RESIDENTIAL: 2.0,
-            StreetKind.ARTERIAL: 1.2,
-            StreetKind.CAR_PARK: 2.0,
-        }.get(kind, 0.1)
-        * float(rng.uniform(0.2, 2.0)),
+        large=rng.uniform(0.03, 0.45 if kind in (StreetKind.HIGHWAY, StreetKind.ARTERIAL) else 0.3),
+        people_per_100m=usual.people_per_100m * rng.uniform(0.2, 2.0),
         land=tuple((land / land.sum()).tolist()),
-        crossings=1.0
-        if junction
-        else {
-            StreetKind.TOWN: 0.2,
-            StreetKind.RESIDENTIAL: 0.25,
-            StreetKind.ARTERIAL: 0.15,
-            StreetKind.RURAL: 0.1,
-            StreetKind.CAR_PARK: 0.0,
-        }.get(kind, 0.03),
-        crossing_half_m=float(rng.uniform(5.0, 11.0) if junction else rng.uniform(2.4, 4.2)),
-        setback_m=float(rng.uniform(0.0, 3.0) if kind is StreetKind.TOWN else rng.uniform(3.0, 12.0)),
+        crossings=1.0 if junction else usual.crossings,
+        crossing_half_m=rng.uniform(5.0, 11.0) if junction else rng.uniform(2.4, 4.2),
+        setback_m=rng.uniform(0.0, 3.0) if kind is StreetKind.TOWN else rng.uniform(3.0, 12.0),
         asphalt=asphalt,
         road=_road(rng, kind),
-        road_tile_m=float(rng.uniform(3, 11)),
+        road_tile_m=rng.uniform(3, 11),
         track=float(np.exp(rng.normal(-0.05, 0.25))),
         grass=grass,
         foliage=foliage,
         twig=_jitter(rng, (0.07, 0.055, 0.045), 0.4),
         bare=bare,
-        conifers=float(rng.choice([0.0, 0.15, 0.5])),
+        conifers=pick(rng, (0.0, 0.15, 0.5)),
         snow=season is Season.SNOW,
-        has_wires=bool(rng.random() < {StreetKind.RURAL: 0.3, StreetKind.RESIDENTIAL: 0.15}.get(kind, 0.03)),
-        tunnel=float(rng.uniform(0.12, 0.5)),
-        yellow_lines=bool(rng.random() < (0.6 if works else 0.08)),
-        wetness=float(rng.uniform(0.3, 1.0) if rng.random() < 0.25 else 0.0),
+        has_wires=rng.random() < usual.wires,
+        tunnel=rng.uniform(0.12, 0.5),
+        yellow_lines=rng.random() < (0.6 if works else 0.08),
+        wetness=rng.uniform(0.3, 1.0) if rng.random() < 0.25 else 0.0,
     )
+
+
+def _draw_kinds(rng: np.random.Generator, config: WorldConfig) -> tuple[StreetKind, StreetKind, Season]:
+    """What is special about the street, its cross-section, and the season."""
+    special, season = config.street, config.season
+    if special is StreetKind.ANY:
+        special = pick(rng, list(_COMMON), list(_COMMON.values()))
+    kind = pick(rng, _SECTIONS.get(special, (special,)))
+    if season is Season.ANY:
+        season = pick(rng, (Season.SUMMER, Season.AUTUMN, Season.WINTER, Season.SNOW), (0.38, 0.17, 0.27, 0.18))
+    return special, kind, season
+
+
+def _draw_pace(rng: np.random.Generator, usual: _Usual, works: bool, junction: bool) -> tuple[bool, bool, float, float]:
+    """Whether vehicles queue, slow and close together; whether they wait; their speed; the own heading's offset."""
+    jam = rng.random() < usual.jam
+    waiting = junction and rng.random() < 0.45
+    speed = rng.uniform(0.3, 4.0) if jam else rng.uniform(*usual.speed_mps) * (0.6 if works else 1.0)
+    askew = 0.0
+    if rng.random() < usual.askew:
+        askew, speed = rng.uniform(-1.3, 1.3), min(speed, rng.uniform(0.5, 2.0))
+    return jam, waiting, speed, askew
 
 
 def _road(rng: np.random.Generator, kind: StreetKind) -> Texture:
@@ -292,8 +340,7 @@ def _road(rng: np.random.Generator, kind: StreetKind) -> Texture:
         Texture.PAVING: 0.04 if kind in (StreetKind.RESIDENTIAL, StreetKind.CAR_PARK) else 0.0,
         Texture.GRAVEL: 0.05 if kind in (StreetKind.RURAL, StreetKind.CAR_PARK) else 0.0,
     }
-    weights = np.array(list(shares.values()))
-    return list(shares)[int(rng.choice(len(shares), p=weights / weights.sum()))]
+    return pick(rng, list(shares), list(shares.values()))
 
 
 def _jitter(rng: np.random.Generator, base: Colour, amount: float) -> Colour:
@@ -306,61 +353,43 @@ def _growth(rng: np.random.Generator, season: Season) -> tuple[Colour, Colour, f
     if season is Season.SUMMER:
         return _jitter(rng, (0.13, 0.19, 0.05), 0.5), _jitter(rng, (0.10, 0.17, 0.04), 0.6), 0.03
     if season is Season.AUTUMN:
-        leaves = [(0.30, 0.18, 0.04), (0.25, 0.08, 0.03), (0.16, 0.16, 0.05)][int(rng.integers(3))]
-        return _jitter(rng, (0.17, 0.17, 0.06), 0.5), _jitter(rng, leaves, 0.5), float(rng.uniform(0.2, 0.5))
-    return _jitter(rng, (0.16, 0.15, 0.08), 0.5), _jitter(rng, (0.045, 0.065, 0.03), 0.6), float(rng.uniform(0.8, 1.0))
+        leaves = pick(rng, [(0.30, 0.18, 0.04), (0.25, 0.08, 0.03), (0.16, 0.16, 0.05)])
+        return _jitter(rng, (0.17, 0.17, 0.06), 0.5), _jitter(rng, leaves, 0.5), rng.uniform(0.2, 0.5)
+    return _jitter(rng, (0.16, 0.15, 0.08), 0.5), _jitter(rng, (0.045, 0.065, 0.03), 0.6), rng.uniform(0.8, 1.0)
 
 
 def _lanes(rng: np.random.Generator, kind: StreetKind) -> tuple[int, int, float, float]:
     """Own lanes, oncoming lanes, width of a lane, width of the median."""
     if kind is StreetKind.HIGHWAY:
         lanes = int(rng.integers(2, 5))
-        return lanes, lanes, float(rng.uniform(3.4, 3.8)), float(rng.uniform(1.6, 5.0))
+        return lanes, lanes, rng.uniform(3.4, 3.8), rng.uniform(1.6, 5.0)
     if kind is StreetKind.ARTERIAL:
         lanes = int(rng.integers(1, 4))
-        median = float(rng.uniform(1.5, 5.0)) if lanes > 1 and rng.random() < 0.4 else 0.0
-        return lanes, max(1, lanes - int(rng.random() < 0.2)), float(rng.uniform(3.0, 3.6)), median
+        median = rng.uniform(1.5, 5.0) if lanes > 1 and rng.random() < 0.4 else 0.0
+        return lanes, max(1, lanes - int(rng.random() < 0.2)), rng.uniform(3.0, 3.6), median
     if kind is StreetKind.RURAL:
-        return 1, 1, float(rng.uniform(2.3, 3.6)), 0.0
+        return 1, 1, rng.uniform(2.3, 3.6), 0.0
     if kind is StreetKind.CAR_PARK:
-        return 1, 1, float(rng.uniform(2.6, 4.0)), 0.0
+        return 1, 1, rng.uniform(2.6, 4.0), 0.0
     if kind is StreetKind.TOWN:
-        lanes = int(rng.choice([1, 2], p=[0.65, 0.35]))
-        return lanes, lanes, float(rng.uniform(2.8, 3.5)), 0.0
-    return 1, 1, float(rng.uniform(2.5, 3.2)), 0.0
-
-
-def _speed(rng: np.random.Generator, kind: StreetKind) -> float:
-    low, high = {
-        StreetKind.TOWN: (3.0, 13.0),
-        StreetKind.RESIDENTIAL: (3.0, 9.0),
-        StreetKind.ARTERIAL: (6.0, 19.0),
-        StreetKind.RURAL: (12.0, 27.0),
-        StreetKind.HIGHWAY: (18.0, 34.0),
-        StreetKind.CAR_PARK: (0.5, 4.0),
-    }[kind]
-    return float(rng.uniform(low, high))
+        lanes = pick(rng, (1, 2), (0.65, 0.35))
+        return lanes, lanes, rng.uniform(2.8, 3.5), 0.0
+    return 1, 1, rng.uniform(2.5, 3.2), 0.0
 
 
 def _side(rng: np.random.Generator, kind: StreetKind, parked: float, flat: bool) -> Side:
     town = kind in (StreetKind.TOWN, StreetKind.RESIDENTIAL)
     paved = (town and rng.random() < 0.93) or (kind is StreetKind.ARTERIAL and rng.random() < 0.75)
-    parking = float(rng.uniform(2.0, 2.4)) if (town and rng.random() < 0.7) or (paved and rng.random() < 0.2) else 0.0
-    verge = float(rng.uniform(0.8, 4.0)) if (paved and rng.random() < 0.4) else 0.0
-    low, high = {
-        StreetKind.RURAL: (-3.0, 4.0),
-        StreetKind.HIGHWAY: (-4.0, 5.0),
-        StreetKind.ARTERIAL: (-1.0, 1.5),
-        StreetKind.RESIDENTIAL: (-0.7, 1.2),
-    }.get(kind, (0.0, 0.0))
+    parking = rng.uniform(2.0, 2.4) if (town and rng.random() < 0.7) or (paved and rng.random() < 0.2) else 0.0
+    verge = rng.uniform(0.8, 4.0) if (paved and rng.random() < 0.4) else 0.0
     outside = kind in (StreetKind.RURAL, StreetKind.HIGHWAY)
     return Side(
         parking_m=parking,
         verge_m=verge,
-        walk_m=float(rng.uniform(1.5, 4.5)) if paved else 0.0,
-        parked=min(1.0, parked * float(rng.uniform(0.25, 0.95))),
-        tree_spacing_m=float(rng.uniform(7, 22)) if rng.random() < (0.5 if paved else 0.3) else 0.0,
+        walk_m=rng.uniform(1.5, 4.5) if paved else 0.0,
+        parked=min(1.0, parked * rng.uniform(0.25, 0.95)),
+        tree_spacing_m=rng.uniform(7, 22) if rng.random() < (0.5 if paved else 0.3) else 0.0,
         guard_rail=bool(outside and rng.random() < (0.75 if kind is StreetKind.HIGHWAY else 0.25)),
-        bank_m=0.0 if flat else float(rng.uniform(low, high)),
-        ditch_m=float(rng.uniform(0.2, 1.2)) if outside and rng.random() < 0.5 else 0.0,
+        bank_m=0.0 if flat else rng.uniform(*_USUAL[kind].bank_m),
+        ditch_m=rng.uniform(0.2, 1.2) if outside and rng.random() < 0.5 else 0.0,
     )

@@ -41,11 +41,11 @@ class EgoDrive:
     def __init__(self, rng: np.random.Generator, style: StreetStyle, path: Path, relief: Relief) -> None:
         self._path, self._relief = path, relief
         self._speed, self._askew = style.speed_mps, style.askew_rad
-        self._swell = float(rng.uniform(0.0, 0.7))
-        self._period = float(rng.uniform(18, 60))
-        self._phase = float(rng.uniform(0, 2 * np.pi))
+        self._swell = rng.uniform(0.0, 0.7)
+        self._period = rng.uniform(18, 60)
+        self._phase = rng.uniform(0, 2 * np.pi)
         self.lane = int(rng.integers(style.open_lanes))
-        self._offset = style.lane_centre_m(self.lane) + float(rng.normal(0, 0.2))
+        self._offset = style.lane_centre_m(self.lane) + rng.normal(0, 0.2)
         self._wander = rng.uniform([0.02, 0.02, 0.0, 0.0], [0.3, 0.12, 0.004, 0.004])
         self._waves = rng.uniform([9, 4, 0.9, 1.3], [20, 8, 2.0, 2.6])
         self._phases = rng.uniform(0, 2 * np.pi, 4)

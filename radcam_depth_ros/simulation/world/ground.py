@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.materials.surfaces import Colour, Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.objects import furniture
 from radcam_depth_ros.simulation.objects.mesh import sheet
 from radcam_depth_ros.simulation.settings.configuration import Season, StreetKind
-from radcam_depth_ros.simulation.settings.style import Colour, Land
-from radcam_depth_ros.simulation.world.street import LAND_REACH_M, STEP_M, Stretch
+from radcam_depth_ros.simulation.settings.randomness import pick
+from radcam_depth_ros.simulation.settings.style import Land
+from radcam_depth_ros.simulation.world.street import LAND_REACH_M, ROW_SPACING_M, Stretch
 
 
 def lay_ground(stretch: Stretch) -> None:
@@ -42,13 +43,13 @@ def _grown(stretch: Stretch) -> Material:
     """Grass, soil, fallen leaves or snow."""
     style, rng = stretch.style, stretch.rng
     if style.snow and rng.random() < 0.8:
-        return Material(Surface.GROUND, Label.TERRAIN, (0.9, 0.92, 0.95), Texture.SNOW, float(rng.uniform(6, 12)))
+        return Material(Surface.GROUND, Label.TERRAIN, (0.9, 0.92, 0.95), Texture.SNOW, rng.uniform(6, 12))
     kind = rng.random()
     if kind < 0.2:
-        return Material(Surface.GROUND, Label.TERRAIN, _muted(style.grass), Texture.SOIL, float(rng.uniform(3, 10)))
+        return Material(Surface.GROUND, Label.TERRAIN, _muted(style.grass), Texture.SOIL, rng.uniform(3, 10))
     if kind < (0.5 if style.season in (Season.AUTUMN, Season.WINTER) else 0.24):
-        return Material(Surface.GROUND, Label.TERRAIN, style.grass, Texture.LITTER, float(rng.uniform(2, 4)))
-    return Material(Surface.GROUND, Label.TERRAIN, style.grass, Texture.GRASS, float(rng.uniform(3, 8)))
+        return Material(Surface.GROUND, Label.TERRAIN, style.grass, Texture.LITTER, rng.uniform(2, 4))
+    return Material(Surface.GROUND, Label.TERRAIN, style.grass, Texture.GRASS, rng.uniform(3, 8))
 
 
 def _sealed(stretch: Stretch, tone: float) -> Material:
@@ -58,8 +59,8 @@ def _sealed(stretch: Stretch, tone: float) -> Material:
         return Material(Surface.ASPHALT, Label.ROAD, _grey(tone, rng), stretch.style.road, stretch.style.road_tile_m)
     textures = (Texture.ASPHALT, Texture.ASPHALT_PATCHED, Texture.CONCRETE, Texture.PAVING, Texture.GRAVEL)
     shade = float(np.clip(tone * np.exp(rng.normal(0, 0.5)), 0.03, 0.5))
-    texture = textures[int(rng.integers(len(textures)))]
-    return Material(Surface.ASPHALT, Label.ROAD, _grey(shade, rng), texture, float(rng.uniform(3, 9)))
+    texture = pick(rng, textures)
+    return Material(Surface.ASPHALT, Label.ROAD, _grey(shade, rng), texture, rng.uniform(3, 9))
 
 
 def _sidewalk(stretch: Stretch, sign: int, ground: Material, road: Material) -> None:
@@ -69,13 +70,11 @@ def _sidewalk(stretch: Stretch, sign: int, ground: Material, road: Material) -> 
         Surface.PAVING,
         Label.SIDEWALK,
         _grey(float(np.clip(style.asphalt * rng.uniform(0.7, 3.0), 0.05, 0.55)), rng),
-        [Texture.PAVING, Texture.ASPHALT, Texture.COBBLES, Texture.CONCRETE][
-            int(rng.choice(4, p=[0.45, 0.3, 0.15, 0.1]))
-        ],
-        float(rng.uniform(1.2, 4.0)),
+        pick(rng, [Texture.PAVING, Texture.ASPHALT, Texture.COBBLES, Texture.CONCRETE], (0.45, 0.3, 0.15, 0.1)),
+        rng.uniform(1.2, 4.0),
     )
     at, lift = edge + side.parking_m, style.kerb_m
-    stone = Material(Surface.PAVING, Label.SIDEWALK, _grey(float(rng.uniform(0.12, 0.45)), rng), Texture.PLAIN)
+    stone = Material(Surface.PAVING, Label.SIDEWALK, _grey(rng.uniform(0.12, 0.45), rng), Texture.PLAIN)
     lane = Material(
         Surface.PAVING,
         Label.ROAD,
@@ -98,8 +97,8 @@ def _verge(stretch: Stretch, sign: int) -> None:
     style, rng = stretch.style, stretch.rng
     _, edge = stretch.side(sign)
     colour: Colour = (0.85, 0.88, 0.92) if style.snow else _muted(style.grass)
-    texture = Texture.SNOW if style.snow else (Texture.SOIL, Texture.GRAVEL, Texture.LITTER)[int(rng.integers(3))]
-    dirt = Material(Surface.GROUND, Label.TERRAIN, colour, texture, float(rng.uniform(2, 6)))
+    texture = Texture.SNOW if style.snow else pick(rng, (Texture.SOIL, Texture.GRAVEL, Texture.LITTER))
+    dirt = Material(Surface.GROUND, Label.TERRAIN, colour, texture, rng.uniform(2, 6))
     inner, outer = edge - rng.uniform(0, 0.4), edge + rng.uniform(0.3, 1.5)
     for start, stop in stretch.spans:
         stretch.strip(sign * inner, sign * outer, (0.012, 0.03), dirt, start, stop)
@@ -110,7 +109,7 @@ def _land_surface(stretch: Stretch, sign: int, material: Material) -> None:
     near = [-0.3, 0.9, 1.5, 2.0, 2.8, 3.4, 4.2] if side.ditch_m > 0 else [-0.3, 1.0, 3.0]
     reach = np.array([*near, 6.0, 10.0, 16.0, 25.0, 38.0, 52.0, 70.0, LAND_REACH_M])
     for start, stop in stretch.spans:
-        s = np.linspace(start, stop, max(2, int((stop - start) / STEP_M) + 1))
+        s = np.linspace(start, stop, max(2, int((stop - start) / ROW_SPACING_M) + 1))
         along, outwards = np.meshgrid(s, reach, indexing="ij")
         z = _land_height(stretch, sign, along, outwards)
         stretch.grid(s, sign * (edge + side.land_m + reach), z, material)
@@ -194,13 +193,13 @@ def _repairs(stretch: Stretch, tone: float) -> None:
             Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(0, 0.35))), rng), Texture.ASPHALT, 7.0
         )
         stretch.strip(lane - style.lane_m, lane, 0.0025, material)
-    for _ in range(int(rng.poisson(1.5))):
+    for _ in range(rng.poisson(1.5)):
         s, t = rng.uniform(stretch.start_m, stretch.stop_m - 9), rng.uniform(low, high - 1.5)
         material = Material(
             Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(-0.1, 0.4))), rng), Texture.ASPHALT, 6.0
         )
         stretch.strip(t, min(t + rng.uniform(0.6, 3.5), high), 0.004, material, s, s + rng.uniform(1.5, 9))
-    tar = Material(Surface.ASPHALT, Label.ROAD, _grey(float(rng.uniform(0.015, 0.04)), rng), Texture.ASPHALT, 2.0)
+    tar = Material(Surface.ASPHALT, Label.ROAD, _grey(rng.uniform(0.015, 0.04), rng), Texture.ASPHALT, 2.0)
     if rng.random() < 0.35:
         # Seams between the lanes, and wheel tracks: darker where tyres polish, lighter where they wear.
         for lane in range(-style.oncoming_lanes, style.lanes):
@@ -212,25 +211,25 @@ def _repairs(stretch: Stretch, tone: float) -> None:
             for aside in (-0.8, 0.8):
                 t = style.lane_centre_m(lane) + aside
                 stretch.strip(t - 0.28, t + 0.28, 0.0015, track)
-    for _ in range(int(rng.poisson(1.0))):
+    for _ in range(rng.poisson(1.0)):
         # Cracks across the road, sealed with tar.
-        s = float(rng.uniform(stretch.start_m, stretch.stop_m - 4))
+        s = rng.uniform(stretch.start_m, stretch.stop_m - 4)
         across = np.linspace(low, high, 12)
         wander = s + np.clip(np.cumsum(rng.normal(0, 0.25, 12)), -3, 3)
-        width = float(rng.uniform(0.03, 0.12))
+        width = rng.uniform(0.03, 0.12)
         along = np.stack([wander, wander + width])
         points = np.concatenate(
             [stretch.path.position(along, across), (0.0036 + stretch.path.camber(along, across))[..., None]], axis=-1
         )
         stretch.parts.append(sheet(points, tar))
-    iron = Material(Surface.METAL, Label.ROAD, _grey(tone * float(rng.uniform(0.4, 0.9)), rng), Texture.METAL)
-    for _ in range(int(rng.poisson(0.8))):
+    iron = Material(Surface.METAL, Label.ROAD, _grey(tone * rng.uniform(0.4, 0.9), rng), Texture.METAL)
+    for _ in range(rng.poisson(0.8)):
         s, t = rng.uniform(stretch.start_m, stretch.stop_m - 1), rng.uniform(low + 0.5, high - 1)
         stretch.strip(t, t + 0.6, 0.005, iron, s, s + 0.6)
 
 
 def _grey(tone: float, rng: np.random.Generator) -> Colour:
-    shift = float(rng.normal(0, 0.02))
+    shift = rng.normal(0, 0.02)
     return tone * (1 + shift), tone, tone * (1 - shift)
 
 

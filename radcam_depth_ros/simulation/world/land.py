@@ -8,6 +8,7 @@ from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surf
 from radcam_depth_ros.simulation.objects import buildings, furniture, plants
 from radcam_depth_ros.simulation.objects.animals import AnimalKind
 from radcam_depth_ros.simulation.objects.mesh import Mesh
+from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.style import Land
 from radcam_depth_ros.simulation.world.lots import fill_lot, fill_open, lay_driveways
 from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch
@@ -37,9 +38,9 @@ def _along(stretch: Stretch, sign: int, start: float, length: float) -> float:
 def _blocks(stretch: Stretch, sign: int) -> None:
     style, rng = stretch.style, stretch.rng
     side, _ = stretch.side(sign)
-    s = stretch.start_m + float(rng.uniform(-1, 2))
+    s = stretch.start_m + rng.uniform(-1, 2)
     while s < stretch.stop_m - 7:
-        length = min(float(rng.uniform(9, 26)), stretch.stop_m - s)
+        length = min(rng.uniform(9, 26), stretch.stop_m - s)
         if stretch.crosses(s, s + length):
             half = style.crossing_half_m + 2.9
             if s < stretch.crossing_m - half - 7.5:
@@ -47,10 +48,10 @@ def _blocks(stretch: Stretch, sign: int) -> None:
             else:
                 s = max(s + 2.0, stretch.crossing_m + half)
                 continue
-        block = buildings.town_block(rng, length, float(rng.uniform(10, 15)), float(rng.uniform(6, 24)))
-        setback = side.land_m + style.setback_m * float(rng.uniform(0.6, 1.4))
+        block = buildings.town_block(rng, length, rng.uniform(10, 15), rng.uniform(6, 24))
+        setback = side.land_m + style.setback_m * rng.uniform(0.6, 1.4)
         stretch.place_facing_road(block, sign, _along(stretch, sign, s, length), setback)
-        s += length + (float(rng.uniform(2, 9)) if rng.random() < 0.25 else 0.0)
+        s += length + (rng.uniform(2, 9) if rng.random() < 0.25 else 0.0)
     _trees(stretch, sign, 3, 22.0, 45.0)
 
 
@@ -58,15 +59,15 @@ def _houses(stretch: Stretch, sign: int) -> None:
     style, rng = stretch.style, stretch.rng
     side, _ = stretch.side(sign)
     setback = side.land_m + style.setback_m
-    s = stretch.start_m + float(rng.uniform(0, 5))
+    s = stretch.start_m + rng.uniform(0, 5)
     while s < stretch.stop_m - 9:
-        length, depth = float(rng.uniform(8, 14)), float(rng.uniform(8, 12))
+        length, depth = rng.uniform(8, 14), rng.uniform(8, 12)
         if not stretch.crosses(s, s + length):
             house = buildings.house(rng, length, depth)
             stretch.place_facing_road(
-                house, sign, _along(stretch, sign, s, length), setback * float(rng.uniform(0.9, 1.3)), depth
+                house, sign, _along(stretch, sign, s, length), setback * rng.uniform(0.9, 1.3), depth
             )
-        s += length + float(rng.uniform(3, 12))
+        s += length + rng.uniform(3, 12)
     _boundary(stretch, sign)
     lay_driveways(stretch, sign)
     _trees(stretch, sign, int(rng.integers(1, 7)), 1.5, max(style.setback_m, 4.0))
@@ -80,9 +81,9 @@ def _boundary(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
     s = stretch.start_m
     while s < stretch.stop_m - 4:
-        length = float(rng.uniform(6, 18))
+        length = rng.uniform(6, 18)
         length = min(length, stretch.stop_m - s)
-        kind, height, wide = int(rng.integers(7)), float(rng.uniform(0.7, 1.9)), float(rng.uniform(0.6, 1.1))
+        kind, height, wide = int(rng.integers(7)), rng.uniform(0.7, 1.9), rng.uniform(0.6, 1.1)
         if not stretch.crosses(s, s + length) and kind < 6:
             leaf = style.twig if kind == 1 and style.bare > 0.5 else style.foliage
             state = rng.integers(2**31)
@@ -107,18 +108,18 @@ def _boundary(stretch: Stretch, sign: int) -> None:
                 sign * (edge + side.land_m + 0.6),
                 lambda at: float(stretch.ground_m(sign, at, 0.6)) - 0.02,
             )
-        s += length + float(rng.choice([0.0, 1.2, 3.5]))
+        s += length + pick(rng, (0.0, 1.2, 3.5))
 
 
 def _forest(stretch: Stretch, sign: int) -> None:
     style, rng = stretch.style, stretch.rng
     side, edge = stretch.side(sign)
-    start = float(rng.uniform(2.5, 9.0))
+    start = rng.uniform(2.5, 9.0)
     for row in range(3):
         depth = start + row * 3.6
         pitch = 3.6 + 0.7 * row
         for s in np.arange(stretch.start_m, stretch.stop_m, pitch):
-            at, out = float(s + rng.normal(0, 1)), depth + float(rng.normal(0, 0.9))
+            at, out = float(s + rng.normal(0, 1)), depth + rng.normal(0, 0.9)
             if stretch.crosses(at, at):
                 continue
             plant = stretch.library.draw_tree(rng, style)
@@ -126,7 +127,7 @@ def _forest(stretch: Stretch, sign: int) -> None:
             z = float(stretch.ground_m(sign, at, out)) - 0.1
             stretch.place(mesh, at, sign * (edge + side.land_m + out), z, rng.uniform(0, 6.28), rng.uniform(0.8, 1.4))
     # Behind the last row it is dark.
-    tone = float(rng.uniform(0.2, 0.6))
+    tone = rng.uniform(0.2, 0.6)
     r, g, b = style.twig if style.bare > 0.5 and style.conifers < 0.3 else style.foliage
     dark = Material(Surface.FOLIAGE, Label.VEGETATION, (r * tone, g * tone, b * tone), Texture.LEAF, 5.0)
     back = edge + side.land_m + start + 13.0
@@ -142,9 +143,9 @@ def _field(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
     if rng.random() < 0.5:
         colours = ((0.35, 0.27, 0.1), (0.1, 0.07, 0.05), (0.1, 0.16, 0.04), (0.25, 0.22, 0.08))
-        crop = Material(Surface.GROUND, Label.TERRAIN, colours[int(rng.integers(4))], Texture.SOIL, 8.0)
+        crop = Material(Surface.GROUND, Label.TERRAIN, pick(rng, colours), Texture.SOIL, 8.0)
         reach = np.array([5.0, 10.0, 16.0, 25.0, 38.0, 52.0, 70.0])
-        lift = float(rng.uniform(0.1, 0.5))
+        lift = rng.uniform(0.1, 0.5)
         for first, last in [] if style.snow else stretch.spans:
             s = np.linspace(first, last, max(2, int((last - first) / 5.0)))
             along, outwards = np.meshgrid(s, reach, indexing="ij")
@@ -154,7 +155,7 @@ def _field(stretch: Stretch, sign: int) -> None:
     if rng.random() < 0.3:
         _bushes(stretch, sign, 14, 2.0, 4.0)
     if rng.random() < 0.12:
-        stretch.place(furniture.pylon(), stretch.start_m + 20, sign * (edge + float(rng.uniform(30, 80))), -0.3)
+        stretch.place(furniture.pylon(), stretch.start_m + 20, sign * (edge + rng.uniform(30, 80)), -0.3)
     if rng.random() < 0.08:
         _herd(stretch, sign)
     _tree_line(stretch, sign)
@@ -164,22 +165,22 @@ def _herd(stretch: Stretch, sign: int) -> None:
     """Horses, cows or deer that graze."""
     rng = stretch.rng
     side, edge = stretch.side(sign)
-    animal = stretch.library.animals[(AnimalKind.DEER, AnimalKind.HORSE, AnimalKind.COW)[int(rng.integers(3))]]
+    animal = stretch.library.animals[pick(rng, (AnimalKind.DEER, AnimalKind.HORSE, AnimalKind.COW))]
     for _ in range(int(rng.integers(1, 7))):
-        s, out = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(5, 30))
+        s, out = rng.uniform(stretch.start_m, stretch.stop_m), rng.uniform(5, 30)
         z = float(stretch.ground_m(sign, s, out)) - 0.02
-        stretch.place(animal, s, sign * (edge + side.land_m + out), z, float(rng.uniform(0, 6.28)))
+        stretch.place(animal, s, sign * (edge + side.land_m + out), z, rng.uniform(0, 6.28))
 
 
 def _halls(stretch: Stretch, sign: int) -> None:
     rng = stretch.rng
     side, edge = stretch.side(sign)
-    setback = side.land_m + float(rng.uniform(8, 28))
+    setback = side.land_m + rng.uniform(8, 28)
     if not np.isfinite(stretch.crossing_m):
-        length = float(rng.uniform(25, STRETCH_M - 1))
-        hall = buildings.hall(rng, length, float(rng.uniform(15, 35)), float(rng.uniform(4, 11)))
+        length = rng.uniform(25, STRETCH_M - 1)
+        hall = buildings.hall(rng, length, rng.uniform(15, 35), rng.uniform(4, 11))
         stretch.place_facing_road(hall, sign, _along(stretch, sign, stretch.start_m, length), setback, 20.0)
-    tone = stretch.style.asphalt * float(rng.uniform(0.7, 1.6))
+    tone = stretch.style.asphalt * rng.uniform(0.7, 1.6)
     lot = Material(Surface.ASPHALT, Label.ROAD, (tone, tone, tone), Texture.ASPHALT, 6.0)
     near, far = edge + side.land_m + 2.0, edge + setback - 1.0
     for first, last in stretch.spans:
@@ -193,11 +194,11 @@ def _halls(stretch: Stretch, sign: int) -> None:
                 out = side.land_m + 5.5
                 z = float(stretch.ground_m(sign, position, out - side.land_m)) + 0.05
                 car = stretch.library.draw_parked(rng).mesh
-                turned = float(rng.choice([-1.0, 1.0])) * np.pi / 2 + float(rng.normal(0, 0.03))
+                turned = pick(rng, (-1.0, 1.0)) * np.pi / 2 + rng.normal(0, 0.03)
                 stretch.place(car, float(position), sign * (edge + out), z, turned)
     _trees(stretch, sign, 2, 1.0, 2.5)
     if rng.random() < 0.4:
-        height = float(rng.uniform(1.2, 2.2))
+        height = rng.uniform(1.2, 2.2)
         for first, last in stretch.spans:
             stretch.place_along(
                 lambda chord: furniture.wire_fence(chord, height), sign, first, last, sign * (edge + side.land_m + 0.8)
@@ -213,7 +214,7 @@ def _park(stretch: Stretch, sign: int) -> None:
 
 def _noise_wall(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
-    look, height = furniture.noise_wall_look(stretch.rng), float(stretch.rng.uniform(2.5, 4.5))
+    look, height = furniture.noise_wall_look(stretch.rng), stretch.rng.uniform(2.5, 4.5)
     for start, stop in stretch.spans:
         stretch.place_along(
             lambda chord: furniture.noise_wall(chord, height, look),
@@ -230,18 +231,18 @@ def _tree_line(stretch: Stretch, sign: int) -> None:
     """A wood or a row of houses far from the road, which closes the view."""
     rng, style = stretch.rng, stretch.style
     side, edge = stretch.side(sign)
-    out = float(rng.uniform(50, 75))
+    out = rng.uniform(50, 75)
     if rng.random() < 0.2:
         house = buildings.house(rng, 12.0, 10.0)
         stretch.place_facing_road(house, sign, stretch.start_m + 25, side.land_m + out, 10.0)
         return
-    for s in np.arange(stretch.start_m, stretch.stop_m, float(rng.uniform(3.5, 9))):
+    for s in np.arange(stretch.start_m, stretch.stop_m, rng.uniform(3.5, 9)):
         plant = stretch.library.draw_tree(rng, style)
         z = float(stretch.ground_m(sign, s, out)) - 0.2
         stretch.place(
             plant.far,
             float(s),
-            sign * (edge + side.land_m + out + float(rng.normal(0, 2))),
+            sign * (edge + side.land_m + out + rng.normal(0, 2)),
             z,
             rng.uniform(0, 6.28),
             rng.uniform(0.9, 1.5),
@@ -260,7 +261,7 @@ def _scatter(stretch: Stretch, sign: int, count: int, low: float, high: float, t
     rng, style = stretch.rng, stretch.style
     side, edge = stretch.side(sign)
     for _ in range(count):
-        s, out = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(max(low, 0.3), max(high, 0.5)))
+        s, out = rng.uniform(stretch.start_m, stretch.stop_m), rng.uniform(max(low, 0.3), max(high, 0.5))
         if stretch.crosses(s, s):
             continue
         plant = stretch.library.draw_tree(rng, style) if trees else stretch.library.draw_bush(rng, style)

@@ -7,6 +7,7 @@ import numpy as np
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.objects import buildings, furniture
 from radcam_depth_ros.simulation.settings.configuration import StreetKind
+from radcam_depth_ros.simulation.settings.randomness import log_uniform, pick
 from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch
 
 _BAY_M, _ROW_M = 2.5, 5.0
@@ -16,25 +17,25 @@ def fill_lot(stretch: Stretch, sign: int) -> None:
     """Rows of bays beside the road, with vehicles in some of them."""
     style, rng = stretch.style, stretch.rng
     side, edge = stretch.side(sign)
-    first = side.land_m + (0.3 if style.kind is StreetKind.CAR_PARK else float(rng.uniform(2, 6)))
+    first = side.land_m + (0.3 if style.kind is StreetKind.CAR_PARK else rng.uniform(2, 6))
     rows = int(rng.integers(1, 7))
-    taken = float(rng.uniform(0.05, 0.95)) * float(side.parked > 0)
+    taken = rng.uniform(0.05, 0.95) * float(side.parked > 0)
     lines = (
         Material(Surface.PAINT_MARK, Label.ROAD, (0.5, 0.5, 0.48), Texture.MARK, 2.5) if rng.random() < 0.7 else None
     )
-    slant = float(rng.choice([0.0, 0.0, 0.35]))
+    slant = pick(rng, (0.0, 0.0, 0.35))
     out = first
     for row in range(rows):
         _row(stretch, sign, out, taken, slant, lines)
         # Two rows back to back, then an aisle.
-        out += _ROW_M + (float(rng.uniform(5.5, 8.0)) if row % 2 == 0 else 0.3)
+        out += _ROW_M + (rng.uniform(5.5, 8.0) if row % 2 == 0 else 0.3)
     if rng.random() < 0.5:
         item = furniture.lamp(rng)
         for s in np.arange(stretch.start_m + 5, stretch.stop_m, 22.0):
             if not stretch.crosses(float(s), float(s)):
                 stretch.place(item, float(s), sign * (edge + first + _ROW_M + 0.2), 0.0, 0.0 if sign > 0 else np.pi)
     if rng.random() < 0.3:
-        low = float(rng.uniform(stretch.start_m, stretch.stop_m - 8))
+        low = rng.uniform(stretch.start_m, stretch.stop_m - 8)
         if not stretch.crosses(low, low + 5):
             stretch.place(furniture.shelter(rng), low + 2.5, sign * (edge + first + _ROW_M + 1.0), 0.0)
     _close(stretch, sign, out + 2.0)
@@ -44,8 +45,8 @@ def fill_open(stretch: Stretch, sign: int) -> None:
     """A wide empty surface, with little on it."""
     style, rng = stretch.style, stretch.rng
     side, edge = stretch.side(sign)
-    for _ in range(int(rng.poisson(1.2))):
-        s, out = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(4, 50))
+    for _ in range(rng.poisson(1.2)):
+        s, out = rng.uniform(stretch.start_m, stretch.stop_m), rng.uniform(4, 50)
         if stretch.crosses(s - 4, s + 4):
             continue
         kind = int(rng.integers(4))
@@ -57,9 +58,9 @@ def fill_open(stretch: Stretch, sign: int) -> None:
             else furniture.litter_bin(rng)
         )
         z = float(stretch.ground_m(sign, s, out)) - 0.02
-        stretch.place(item, s, sign * (edge + side.land_m + out), z, float(rng.uniform(0, 6.28)))
+        stretch.place(item, s, sign * (edge + side.land_m + out), z, rng.uniform(0, 6.28))
     if rng.random() < 0.3 and style.kind is not StreetKind.CAR_PARK:
-        height = float(rng.uniform(1.0, 2.2))
+        height = rng.uniform(1.0, 2.2)
         for start, stop in stretch.spans:
             stretch.place_along(
                 lambda length: furniture.wire_fence(length, height),
@@ -69,7 +70,7 @@ def fill_open(stretch: Stretch, sign: int) -> None:
                 sign * (edge + side.land_m + 0.6),
                 lambda s: float(stretch.ground_m(sign, s, 0.6)) - 0.03,
             )
-    _close(stretch, sign, float(rng.uniform(30, 70)))
+    _close(stretch, sign, rng.uniform(30, 70))
 
 
 def _row(stretch: Stretch, sign: int, out: float, taken: float, slant: float, lines: Material | None) -> None:
@@ -89,9 +90,9 @@ def _row(stretch: Stretch, sign: int, out: float, taken: float, slant: float, li
             vehicle = stretch.library.draw_parked(rng, 0.03)
             if vehicle.length_m > 6.5:
                 continue
-            turn = float(rng.choice([-1.0, 1.0])) * np.pi / 2 + sign * slant + float(rng.normal(0, 0.03))
-            reach = out + _ROW_M / 2 + float(rng.normal(0, 0.15))
-            stretch.place(vehicle.mesh, at + _BAY_M / 2 + float(rng.normal(0, 0.08)), sign * (edge + reach), z, turn)
+            turn = pick(rng, (-1.0, 1.0)) * np.pi / 2 + sign * slant + rng.normal(0, 0.03)
+            reach = out + _ROW_M / 2 + rng.normal(0, 0.15)
+            stretch.place(vehicle.mesh, at + _BAY_M / 2 + rng.normal(0, 0.08), sign * (edge + reach), z, turn)
 
 
 def _close(stretch: Stretch, sign: int, out: float) -> None:
@@ -100,14 +101,14 @@ def _close(stretch: Stretch, sign: int, out: float) -> None:
     side, edge = stretch.side(sign)
     kind = rng.random()
     if kind < 0.35 and not np.isfinite(stretch.crossing_m) and out < 60:
-        length = float(rng.uniform(25, STRETCH_M - 1))
-        hall = buildings.hall(rng, length, float(rng.uniform(15, 35)), float(rng.uniform(4, 11)))
+        length = rng.uniform(25, STRETCH_M - 1)
+        hall = buildings.hall(rng, length, rng.uniform(15, 35), rng.uniform(4, 11))
         start = stretch.start_m if sign > 0 else stretch.start_m + length
         stretch.place_facing_road(hall, sign, start, side.land_m + out, 15.0)
     elif kind < 0.75:
-        for s in np.arange(stretch.start_m, stretch.stop_m, float(rng.uniform(4, 12))):
+        for s in np.arange(stretch.start_m, stretch.stop_m, rng.uniform(4, 12)):
             plant = stretch.library.draw_tree(rng, stretch.style)
-            at = min(out + float(rng.normal(0, 1.5)), 85.0)
+            at = min(out + rng.normal(0, 1.5), 85.0)
             z = float(stretch.ground_m(sign, s, at)) - 0.1
             stretch.place(plant.far, float(s), sign * (edge + side.land_m + at), z, rng.uniform(0, 6.28))
 
@@ -116,13 +117,13 @@ def lay_driveways(stretch: Stretch, sign: int) -> None:
     """Paved ways from the road to the houses, some with a car on them."""
     rng = stretch.rng
     side, edge = stretch.side(sign)
-    for _ in range(int(rng.poisson(1.3))):
-        s, wide = float(rng.uniform(stretch.start_m + 2, stretch.stop_m - 5)), float(rng.uniform(2.6, 5.5))
+    for _ in range(rng.poisson(1.3)):
+        s, wide = rng.uniform(stretch.start_m + 2, stretch.stop_m - 5), rng.uniform(2.6, 5.5)
         if stretch.crosses(s, s + wide):
             continue
-        tone = float(np.exp(rng.uniform(np.log(0.05), np.log(0.45))))
-        texture = (Texture.PAVING, Texture.COBBLES, Texture.ASPHALT, Texture.GRAVEL)[int(rng.integers(4))]
-        look = Material(Surface.PAVING, Label.ROAD, (tone * 1.03, tone, tone * 0.94), texture, float(rng.uniform(1, 4)))
+        tone = log_uniform(rng, 0.05, 0.45)
+        texture = pick(rng, (Texture.PAVING, Texture.COBBLES, Texture.ASPHALT, Texture.GRAVEL))
+        look = Material(Surface.PAVING, Label.ROAD, (tone * 1.03, tone, tone * 0.94), texture, rng.uniform(1, 4))
         start = side.parking_m if side.walk_m > 0 else -0.2
         reach = np.array([start, start + 0.6, side.land_m, side.land_m + 4.0, side.land_m + 9.0])
         along, outwards = np.meshgrid(np.array([s, s + wide]), reach, indexing="ij")
@@ -131,9 +132,9 @@ def lay_driveways(stretch: Stretch, sign: int) -> None:
         stretch.grid(along[:, 0], sign * (edge + reach), z, look)
         if rng.random() < 0.5 * float(side.parked > 0):
             vehicle = stretch.library.draw_parked(rng)
-            out = side.land_m + float(rng.uniform(2.4, 5.0))
+            out = side.land_m + rng.uniform(2.4, 5.0)
             lift = float(stretch.ground_m(sign, s, out - side.land_m, ditch=False)) + 0.035
-            turn = float(rng.choice([-1.0, 1.0])) * np.pi / 2
+            turn = pick(rng, (-1.0, 1.0)) * np.pi / 2
             stretch.place(vehicle.mesh, s + wide / 2, sign * (edge + out), lift, turn)
 
 
@@ -141,11 +142,11 @@ def lay_by(stretch: Stretch, sign: int) -> None:
     """A widening of the road with somebody who rests there."""
     style, rng = stretch.style, stretch.rng
     _, edge = stretch.side(sign)
-    low, wide = stretch.start_m + float(rng.uniform(0, 10)), float(rng.uniform(2.8, 4.0))
-    high = low + float(rng.uniform(22, 38))
+    low, wide = stretch.start_m + rng.uniform(0, 10), rng.uniform(2.8, 4.0)
+    high = low + rng.uniform(22, 38)
     if stretch.crosses(low, high):
         return
-    tone = style.asphalt * float(rng.uniform(0.7, 1.4))
+    tone = style.asphalt * rng.uniform(0.7, 1.4)
     look = Material(Surface.ASPHALT, Label.ROAD, (tone, tone, tone), style.road, style.road_tile_m)
     s = np.array([low - 6.0, low, high, high + 6.0])
     points = np.stack([np.full(4, 0.0), np.array([0.1, wide, wide, 0.1])], axis=-1)
@@ -157,6 +158,6 @@ def lay_by(stretch: Stretch, sign: int) -> None:
             stretch.strip(sign * (edge - 0.05), sign * (edge + (wa + wb) / 2), 0.02, look, float(a), float(b))
     for _ in range(int(rng.integers(0, 3))):
         vehicle = stretch.library.draw_parked(rng, 0.6)
-        place = float(rng.uniform(low + 8, high - 8))
+        place = rng.uniform(low + 8, high - 8)
         stretch.place(vehicle.mesh, place, sign * (edge + wide / 2), 0.02, 0.0 if sign < 0 else np.pi)
         break

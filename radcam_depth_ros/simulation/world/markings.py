@@ -33,7 +33,7 @@ def paint_markings(stretch: Stretch, wear: float) -> None:
         _crossing(stretch, white)
     elif stretch.rng.random() < 0.12:
         lane = int(stretch.rng.integers(style.lanes))
-        _arrow(stretch, style.lane_centre_m(lane), stretch.start_m + float(stretch.rng.uniform(5, 35)), white)
+        _arrow(stretch, style.lane_centre_m(lane), stretch.start_m + stretch.rng.uniform(5, 35), white)
 
 
 def _centre_line(stretch: Stretch, material: Material, width: float, dash: float, gap: float) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.simulation.objects.mesh import Mesh
+from radcam_depth_ros.simulation.settings.randomness import pick
 
 DoubleArray = npt.NDArray[np.float64]
 
@@ -46,8 +47,8 @@ class Path:
         # The outer side of a curve is the higher one; where a road was mended again and again it tilts anyhow.
         inwards = -curvature / max(np.abs(curvature).max(), 1e-9)
         anyhow = np.sin(2 * np.pi * self._s / rng.uniform(60, 400) + rng.uniform(0, 2 * np.pi))
-        share = float(rng.uniform(0, 1))
-        strength = max_bank * float(rng.choice([0.0, 0.3, 1.0], p=[0.3, 0.4, 0.3])) * float(rng.uniform(0.3, 1.0))
+        share = rng.uniform(0, 1)
+        strength = max_bank * pick(rng, (0.0, 0.3, 1.0), (0.3, 0.4, 0.3)) * rng.uniform(0.3, 1.0)
         self._bank = strength * (share * inwards + (1 - share) * anyhow)
         self._is_level = strength <= 0.0
         heading = np.cumsum(curvature)

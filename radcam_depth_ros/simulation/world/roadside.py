@@ -8,6 +8,7 @@ from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surf
 from radcam_depth_ros.simulation.objects import furniture
 from radcam_depth_ros.simulation.objects.mesh import Mesh
 from radcam_depth_ros.simulation.settings.configuration import StreetKind
+from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.world.ground import side_road_height
 from radcam_depth_ros.simulation.world.lots import lay_by
 from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch
@@ -50,23 +51,23 @@ def _side_road_traffic(stretch: Stretch) -> None:
     moving = style.special is StreetKind.JUNCTION and style.waiting
     for sign in (1, -1):
         _, edge = stretch.side(sign)
-        out = float(rng.uniform(2.5, 6.0))
+        out = rng.uniform(2.5, 6.0)
         while not moving and out < 60 and rng.random() < 0.6:
             vehicle = stretch.library.draw_vehicle(rng, 0.15)
             out += vehicle.length_m / 2
             lift = float(side_road_height(stretch, sign, stretch.crossing_m, out))
             place = stretch.crossing_m - sign * half * 0.5
             stretch.place(vehicle.mesh, place, sign * (edge + out), lift, -sign * np.pi / 2)
-            out += vehicle.length_m / 2 + float(rng.uniform(1.2, 4.0))
+            out += vehicle.length_m / 2 + rng.uniform(1.2, 4.0)
     lights = 1.0 if style.special is StreetKind.JUNCTION else 0.7
     if style.kind in (StreetKind.ARTERIAL, StreetKind.TOWN) and rng.random() < lights:
-        reach_m = style.right_edge_m * float(rng.choice([0.0, 0.6]))
+        reach_m = style.right_edge_m * pick(rng, (0.0, 0.6))
         near, beyond = stretch.crossing_m - half - 5.4, stretch.crossing_m + half + 2.4
         right, left = -(style.right_edge_m + 0.7), style.left_edge_m + 0.7
         stretch.place(furniture.traffic_light(rng, reach_m), near, right, 0.0, 0.0, (1.0, -1.0, 1.0))
         stretch.place(furniture.traffic_light(rng, 0.0), beyond, left, 0.0)
         if style.special is StreetKind.JUNCTION:
-            stretch.place(furniture.traffic_light(rng, 0.0), beyond, right, 0.0, float(rng.choice([0.0, np.pi / 2])))
+            stretch.place(furniture.traffic_light(rng, 0.0), beyond, right, 0.0, pick(rng, (0.0, np.pi / 2)))
             stretch.place(furniture.traffic_light(rng, 0.0), near, left, 0.0, -np.pi / 2)
 
 
@@ -76,10 +77,10 @@ def _snow_bank(stretch: Stretch, sign: int) -> None:
     if not style.snow or rng.random() < 0.5:
         return
     side, edge = stretch.side(sign)
-    tone = float(rng.uniform(0.35, 0.9))
-    look = Material(Surface.GROUND, Label.TERRAIN, (tone, tone, tone * 1.03), Texture.SNOW, float(rng.uniform(3, 8)))
+    tone = rng.uniform(0.35, 0.9)
+    look = Material(Surface.GROUND, Label.TERRAIN, (tone, tone, tone * 1.03), Texture.SNOW, rng.uniform(3, 8))
     at, lift = edge + side.parking_m + 0.1, style.kerb_m if side.walk_m > 0 else 0.0
-    high, wide = float(rng.uniform(0.1, 0.55)), float(rng.uniform(0.4, 1.2))
+    high, wide = rng.uniform(0.1, 0.55), rng.uniform(0.4, 1.2)
     for start, stop in stretch.spans:
         s = np.arange(start, stop + 0.9, 0.9).clip(start, stop)
         lumps = np.convolve(rng.standard_normal(len(s) + 2), [0.4, 0.5, 0.4], mode="valid")
@@ -88,8 +89,8 @@ def _snow_bank(stretch: Stretch, sign: int) -> None:
         foot = np.full(len(s), min(0.0, lift) - 0.02)
         t = sign * (at + np.array([0.0, 0.4 * wide, wide]))
         stretch.grid(s, t, np.stack([foot, lift + crest, foot + lift], axis=1), look)
-    for _ in range(int(rng.poisson(0.4))):
-        place, size = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.uniform(0.6, 1.8))
+    for _ in range(rng.poisson(0.4)):
+        place, size = rng.uniform(stretch.start_m, stretch.stop_m), rng.uniform(0.6, 1.8)
         if not stretch.crosses(place, place):
             stretch.place(heap(rng, size, size * 0.6, look), place, sign * (edge + side.land_m + 0.8), lift)
 
@@ -117,14 +118,14 @@ def _parked(stretch: Stretch, sign: int) -> None:
     rng = stretch.rng
     if side.parking_m <= 0:
         return
-    s = stretch.start_m + float(rng.uniform(0, 2))
+    s = stretch.start_m + rng.uniform(0, 2)
     while s < stretch.stop_m - 5.0:
         car = stretch.library.draw_parked(rng, 0.10)
-        length = car.length_m + float(rng.uniform(0.6, 2.0))
+        length = car.length_m + rng.uniform(0.6, 2.0)
         if rng.random() < side.parked and not stretch.crosses(s, s + length) and s + length < stretch.stop_m + 2:
             turned = np.pi if (sign > 0) != (rng.random() < 0.12) else 0.0
-            t = sign * (edge + side.parking_m / 2 + float(rng.normal(0, 0.08)))
-            stretch.place(car.mesh, s + length / 2, t, 0.0, turned + float(rng.normal(0, 0.015)))
+            t = sign * (edge + side.parking_m / 2 + rng.normal(0, 0.08))
+            stretch.place(car.mesh, s + length / 2, t, 0.0, turned + rng.normal(0, 0.015))
         s += length
 
 
@@ -137,7 +138,7 @@ def _lamps(stretch: Stretch, sign: int) -> None:
         return
     side, edge = stretch.side(sign)
     item = furniture.pole(rng) if style.kind is StreetKind.RURAL else furniture.lamp(rng)
-    pitch = float(rng.uniform(24, 45))
+    pitch = rng.uniform(24, 45)
     for s in np.arange(np.ceil(stretch.start_m / pitch) * pitch, stretch.stop_m, pitch):
         if not stretch.crosses(float(s), float(s)):
             stretch.place(
@@ -155,9 +156,7 @@ def _street_trees(stretch: Stretch, sign: int) -> None:
     if side.tree_spacing_m <= 0:
         return
     offset = (
-        side.parking_m + (side.verge_m / 2 if side.verge_m > 0.3 else 0.8)
-        if side.walk_m > 0
-        else float(rng.uniform(2.5, 5))
+        side.parking_m + (side.verge_m / 2 if side.verge_m > 0.3 else 0.8) if side.walk_m > 0 else rng.uniform(2.5, 5)
     )
     for s in np.arange(
         np.ceil(stretch.start_m / side.tree_spacing_m) * side.tree_spacing_m, stretch.stop_m, side.tree_spacing_m
@@ -178,14 +177,14 @@ def _street_trees(stretch: Stretch, sign: int) -> None:
 def _signs(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
     rng = stretch.rng
-    count = int(rng.poisson({StreetKind.TOWN: 1.2, StreetKind.HIGHWAY: 0.5}.get(stretch.style.kind, 0.8)))
+    count = rng.poisson({StreetKind.TOWN: 1.2, StreetKind.HIGHWAY: 0.5}.get(stretch.style.kind, 0.8))
     for _ in range(count):
-        s = float(rng.uniform(stretch.start_m, stretch.stop_m))
+        s = rng.uniform(stretch.start_m, stretch.stop_m)
         large = rng.random() < 0.2
         item = furniture.board(rng) if large else furniture.traffic_sign(rng)
-        offset = side.parking_m + (0.45 if side.walk_m > 0 and not large else float(rng.uniform(1.2, 2.5)))
+        offset = side.parking_m + (0.45 if side.walk_m > 0 and not large else rng.uniform(1.2, 2.5))
         z = float(stretch.ground_m(sign, s, offset - side.land_m))
-        stretch.place(item, s, sign * (edge + offset), z, (0.0 if sign < 0 else np.pi) + float(rng.normal(0, 0.08)))
+        stretch.place(item, s, sign * (edge + offset), z, (0.0 if sign < 0 else np.pi) + rng.normal(0, 0.08))
 
 
 def _small_things(stretch: Stretch, sign: int) -> None:
@@ -203,14 +202,14 @@ def _small_things(stretch: Stretch, sign: int) -> None:
         for s in np.arange(stretch.start_m, stretch.stop_m, rng.uniform(1.6, 4)):
             if not stretch.crosses(float(s), float(s)):
                 stretch.place(post, float(s), sign * (edge + side.parking_m + 0.35), lift)
-    items: list[Mesh] = [furniture.litter_bin(rng) for _ in range(int(rng.poisson(1.0)))]
+    items: list[Mesh] = [furniture.litter_bin(rng) for _ in range(rng.poisson(1.0))]
     if rng.random() < 0.4:
         items += [stretch.library.bicycles[index % 2] for index in range(int(rng.integers(1, 5)))]
-    spot = float(rng.uniform(stretch.start_m + 2, stretch.stop_m - 8))
+    spot = rng.uniform(stretch.start_m + 2, stretch.stop_m - 8)
     for index, item in enumerate(items):
         s = spot + 0.9 * index
         if not stretch.crosses(s, s):
-            stretch.place(item, s, sign * (edge + side.land_m - 0.4), lift, np.pi / 2 + float(rng.normal(0, 0.1)))
+            stretch.place(item, s, sign * (edge + side.land_m - 0.4), lift, np.pi / 2 + rng.normal(0, 0.1))
     if rng.random() < 0.06 and not stretch.crosses(spot + 3, spot + 9):
         stretch.place(
             furniture.shelter(rng), spot + 6, sign * (edge + side.parking_m + 1.2), lift, 0.0 if sign > 0 else np.pi
@@ -220,15 +219,15 @@ def _small_things(stretch: Stretch, sign: int) -> None:
 def _standing(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
     rng = stretch.rng
-    count = int(rng.poisson(stretch.people * stretch.style.people_per_100m * STRETCH_M / 100 * 0.4))
+    count = rng.poisson(stretch.people * stretch.style.people_per_100m * STRETCH_M / 100 * 0.4)
     for _ in range(count if side.walk_m > 0 else 0):
-        s = float(rng.uniform(stretch.start_m, stretch.stop_m))
-        t = sign * (edge + side.parking_m + float(rng.uniform(0.4, max(side.walk_m - 0.3, 0.5))) + side.verge_m)
+        s = rng.uniform(stretch.start_m, stretch.stop_m)
+        t = sign * (edge + side.parking_m + rng.uniform(0.4, max(side.walk_m - 0.3, 0.5)) + side.verge_m)
         pose = stretch.library.draw_walker(rng).poses[0]
-        yaw = float(rng.uniform(0, 6.28))
+        yaw = rng.uniform(0, 6.28)
         stretch.place(pose, s, t, stretch.style.kerb_m, yaw)
         # Some talk to each other.
-        for _ in range(int(rng.choice([0, 1, 2, 3], p=[0.7, 0.18, 0.08, 0.04]))):
+        for _ in range(pick(rng, (0, 1, 2, 3), (0.7, 0.18, 0.08, 0.04))):
             other = stretch.library.draw_walker(rng).poses[0]
             aside = rng.uniform(-1.0, 1.0, 2)
             stretch.place(other, s + float(aside[0]), t + float(aside[1]) * 0.5, stretch.style.kerb_m, yaw + np.pi)

@@ -14,12 +14,12 @@ _PORTAL_REACH_M = 60.0
 def span_bridge(stretch: Stretch) -> None:
     """A bridge over the road with piers or walls beside it and a parapet."""
     style, rng = stretch.style, stretch.rng
-    tone = float(rng.uniform(0.15, 0.5))
+    tone = rng.uniform(0.15, 0.5)
     concrete = Material(Surface.PAVING, Label.BUILDING, (tone, tone * 0.97, tone * 0.92), Texture.CONCRETE, 5.0)
     steel = Material(Surface.METAL, Label.FENCE, tuple(rng.uniform(0.05, 0.4, 3)), Texture.METAL, 2.0)
-    clear, deep, wide = float(rng.uniform(4.6, 6.5)), float(rng.uniform(0.7, 1.6)), float(rng.uniform(4, 14))
+    clear, deep, wide = rng.uniform(4.6, 6.5), rng.uniform(0.7, 1.6), rng.uniform(4, 14)
     left, right = style.left_edge_m + style.left.land_m + 1.0, style.right_edge_m + style.right.land_m + 1.0
-    reach = float(rng.uniform(6, 30))
+    reach = rng.uniform(6, 30)
     length, middle = left + right + 2 * reach, (left - right) / 2
     parts = [box([wide, length, deep], [0, middle, clear + deep / 2], concrete)]
     for x in (-wide / 2, wide / 2):
@@ -44,7 +44,7 @@ def span_bridge(stretch: Stretch) -> None:
         along, across = np.meshgrid(rows, sign * (start + reach_m), indexing="ij")
         z = rise[:, None] * (top + 0.5) - 0.5
         parts.append(sheet(np.stack([along, across, z], axis=-1), grass))
-    stretch.place(join(parts), stretch.start_m + STRETCH_M * 0.5, 0.0, 0.0, float(rng.normal(0, 0.15)))
+    stretch.place(join(parts), stretch.start_m + STRETCH_M * 0.5, 0.0, 0.0, rng.normal(0, 0.15))
 
 
 def dig_tunnel(stretch: Stretch, opens_behind: bool, opens_ahead: bool) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 from radcam_depth_ros.simulation.objects.animals import AnimalKind
 from radcam_depth_ros.simulation.objects.library import Library
 from radcam_depth_ros.simulation.objects.mesh import Mesh
-from radcam_depth_ros.simulation.objects.people import STEP_M
+from radcam_depth_ros.simulation.objects.people import DOUBLE_STEP_M
 from radcam_depth_ros.simulation.settings.configuration import StreetKind, WorldConfig
+from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.style import StreetStyle
 from radcam_depth_ros.simulation.world.ego import EgoDrive
 from radcam_depth_ros.simulation.world.path import DoubleArray, Path
@@ -70,8 +71,8 @@ class Traffic:
         self._duration_s, self._crossings_m = duration_s, crossings_m
         # Who follows closely keeps the distance.
         self._near = bool(rng.random() < 0.35)
-        depth = float(rng.uniform(0, 0.12 if self._near else 0.35)) * float(not style.waiting)
-        self._breath = (depth, float(rng.uniform(14, 45)), float(rng.uniform(0, 6.28)))
+        depth = rng.uniform(0, 0.12 if self._near else 0.35) * float(not style.waiting)
+        self._breath = (depth, rng.uniform(14, 45), rng.uniform(0, 6.28))
         self._movers: list[Mover] = []
         if config.traffic > 0:
             for lane in range(-style.oncoming_lanes, style.open_lanes):
@@ -109,20 +110,20 @@ class Traffic:
         style = self._style
         own, oncoming = lane == self._ego.lane, lane < 0
         # What does not move at all is in one place for the whole drive, as is what the own vehicle follows.
-        speed = style.speed_mps * float(rng.uniform(0.75, 1.3)) * (-1 if oncoming else 1)
+        speed = style.speed_mps * rng.uniform(0.75, 1.3) * (-1 if oncoming else 1)
         if own:
             low, high = -BEHIND_M, AHEAD_M
         else:
             low, high = self._needed(speed)
         # Somebody in front of somebody behind: nobody overlaps the own vehicle.
-        place = low + float(rng.uniform(0, headway_m))
+        place = low + rng.uniform(0, headway_m)
         while place < high:
             vehicle = self._library.draw_vehicle(rng, style.large)
-            gap = float(rng.uniform(1.2, 2.5)) + float(rng.gamma(1.3, headway_m / 1.3))
+            gap = rng.uniform(1.2, 2.5) + rng.gamma(1.3, headway_m / 1.3)
             half = vehicle.length_m / 2
             place += half
             if own and place + half > -5.0 and place - half < 6.0:
-                ahead = float(rng.uniform(5.5, 14.0)) if self._near else 9.0 + float(rng.gamma(1.2, headway_m / 2))
+                ahead = rng.uniform(5.5, 14.0) if self._near else 9.0 + rng.gamma(1.2, headway_m / 2)
                 place = ahead + half
             if not (style.waiting and self._blocks_crossing(place, half)):
                 self._movers.append(
@@ -130,9 +131,9 @@ class Traffic:
                         poses=(vehicle.mesh,),
                         cycle_m=1.0,
                         s=self._following(place) if own else _steady(place, speed),
-                        t=_steady(style.lane_centre_m(lane) + float(rng.normal(0, 0.18)), 0.0),
+                        t=_steady(style.lane_centre_m(lane) + rng.normal(0, 0.18), 0.0),
                         height_m=0.0,
-                        yaw=(np.pi if oncoming else 0.0) + float(rng.normal(0, 0.012)),
+                        yaw=(np.pi if oncoming else 0.0) + rng.normal(0, 0.012),
                     )
                 )
             place += half + gap
@@ -150,11 +151,11 @@ class Traffic:
         """Vehicles on the side road: they cross while the own direction waits, else they pass now and then."""
         style = self._style
         for sign in (1, -1):
-            speed = sign * float(rng.uniform(3, 12))
+            speed = sign * rng.uniform(3, 12)
             place = -140.0 - abs(speed) * self._duration_s
             while place < 140.0:
                 vehicle = self._library.draw_vehicle(rng, style.large)
-                place += vehicle.length_m + 3.0 + float(rng.gamma(1.2, (14.0 if style.waiting else 70.0) / traffic))
+                place += vehicle.length_m + 3.0 + rng.gamma(1.2, (14.0 if style.waiting else 70.0) / traffic)
                 lane = (
                     sign * style.crossing_half_m * float(rng.choice([0.3, 0.65]) if style.crossing_half_m > 6 else 0.5)
                 )
@@ -196,24 +197,24 @@ class Traffic:
             rate = style.people_per_100m * people / 100
             for forwards in (True, False):
                 low, high = self._needed(1.35 if forwards else -1.35)
-                for _ in range(int(rng.poisson(rate / 2 * (high - low)))):
-                    speed = float(rng.uniform(0.9, 1.6)) * (1 if forwards else -1)
-                    first = side.walk_start_m + float(rng.uniform(0.5, 9.0 if lot else max(side.walk_m - 0.4, 0.6)))
-                    place = float(rng.uniform(low, high))
+                for _ in range(rng.poisson(rate / 2 * (high - low))):
+                    speed = rng.uniform(0.9, 1.6) * (1 if forwards else -1)
+                    first = side.walk_start_m + rng.uniform(0.5, 9.0 if lot else max(side.walk_m - 0.4, 0.6))
+                    place = rng.uniform(low, high)
                     # Two in seven are not alone.
-                    for _ in range(int(rng.choice([1, 2, 3, 4], p=[0.72, 0.18, 0.06, 0.04]))):
-                        out = first + float(rng.normal(0, 0.35))
+                    for _ in range(pick(rng, (1, 2, 3, 4), (0.72, 0.18, 0.06, 0.04))):
+                        out = first + rng.normal(0, 0.35)
                         self._movers.append(
                             Mover(
                                 self._library.draw_walker(rng).poses,
-                                STEP_M,
+                                DOUBLE_STEP_M,
                                 _steady(place, speed),
                                 _steady(sign * (edge + max(out, 0.3)), 0.0),
                                 style.kerb_m if side.walk_m > 0 else 0.0,
                                 0.0 if forwards else np.pi,
                             )
                         )
-                        place += float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.5, 1.0))
+                        place += pick(rng, (-1.0, 1.0)) * rng.uniform(0.5, 1.0)
             if rng.random() < 0.7 * people and not lot and not style.askew_rad:
                 self._fill_cyclists(rng, sign, edge)
 
@@ -222,20 +223,20 @@ class Traffic:
         style = self._style
         reach = float(self._ego.s(self._duration_s))
         rate = min(style.people_per_100m * people, 8.0) / 100 * 0.5
-        for _ in range(int(rng.poisson(rate * (reach + 120)))):
+        for _ in range(rng.poisson(rate * (reach + 120))):
             poses = self._library.draw_walker(rng).poses
-            self._cross(rng, poses, STEP_M, float(rng.uniform(0.8, 1.9)), reach)
+            self._cross(rng, poses, DOUBLE_STEP_M, rng.uniform(0.8, 1.9), reach)
         wild = 0.25 if style.kind is StreetKind.RURAL else 0.06
         if style.kind is not StreetKind.HIGHWAY and rng.random() < wild * people:
             kinds = list(AnimalKind) if style.kind is StreetKind.RURAL else [AnimalKind.DOG]
-            animal = self._library.animals[kinds[int(rng.integers(len(kinds)))]]
-            self._cross(rng, (animal,), 1.0, float(rng.uniform(0.0, 3.0)), reach)
+            animal = self._library.animals[pick(rng, kinds)]
+            self._cross(rng, (animal,), 1.0, rng.uniform(0.0, 3.0), reach)
 
     def _cross(
         self, rng: np.random.Generator, poses: tuple[Mesh, ...], cycle_m: float, speed: float, reach: float
     ) -> None:
-        style, sign = self._style, float(rng.choice([-1.0, 1.0]))
-        place = float(rng.uniform(5, reach + 120))
+        style, sign = self._style, pick(rng, (-1.0, 1.0))
+        place = rng.uniform(5, reach + 120)
         # In the middle of the road some time before the own vehicle comes by.
         middle = float(np.interp(place - rng.uniform(8, 60), *self._arrivals()))
         low, high = -style.right_edge_m, style.left_edge_m
@@ -252,10 +253,10 @@ class Traffic:
         return np.asarray(self._ego.s(times), np.float64), times
 
     def _fill_cyclists(self, rng: np.random.Generator, sign: int, edge: float) -> None:
-        speed = float(rng.uniform(3, 6.5)) * -sign
+        speed = rng.uniform(3, 6.5) * -sign
         low, high = self._needed(speed)
-        for place in np.arange(low, high, float(rng.uniform(60, 250))):
-            mesh = self._library.cyclists[int(rng.integers(len(self._library.cyclists)))]
+        for place in np.arange(low, high, rng.uniform(60, 250)):
+            mesh = pick(rng, self._library.cyclists)
             start, t = float(place + rng.uniform(0, 30)), sign * (edge - 0.35)
             self._movers.append(
                 Mover((mesh,), 1.0, _steady(start, speed), _steady(t, 0.0), 0.0, np.pi if sign > 0 else 0.0)

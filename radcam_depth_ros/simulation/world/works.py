@@ -7,6 +7,7 @@ import numpy as np
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.objects import furniture
 from radcam_depth_ros.simulation.objects.mesh import Mesh, box, join, sheet, tube
+from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch
 
 _ORANGE = (0.75, 0.16, 0.02)
@@ -54,7 +55,7 @@ def container(rng: np.random.Generator) -> Mesh:
     if rng.random() < 0.4:
         dirt = Material(Surface.GROUND, Label.IGNORE, (0.2, 0.15, 0.1), Texture.GRAVEL, 1.5)
         return join([box([3.4, 1.8, 1.4], [0, 0, 0.8], steel, (1.25, 1.0)), box([3.6, 1.6, 0.3], [0, 0, 1.45], dirt)])
-    length = float(rng.choice([3.0, 6.06]))
+    length = pick(rng, (3.0, 6.06))
     glass = Material(Surface.GLASS, Label.IGNORE, (0.03, 0.035, 0.04))
     pane = [box([1.0, 0.04, 0.9], [0.4, y, 1.6], glass) for y in (-1.22, 1.22)] if rng.random() < 0.5 else []
     return join([box([length, 2.44, 2.6], [0, 0, 1.36], steel), *pane])
@@ -64,11 +65,11 @@ def excavator(rng: np.random.Generator) -> Mesh:
     """A digger on tracks with its arm in some pose, along x."""
     label = Label.TRUCK
     colours = (_YELLOW, _ORANGE, (0.5, 0.5, 0.48), (0.1, 0.3, 0.12))
-    paint = Material(Surface.BODYWORK, label, colours[int(rng.integers(4))])
+    paint = Material(Surface.BODYWORK, label, pick(rng, colours))
     black = Material(Surface.RUBBER, label, (0.03, 0.03, 0.03))
     glass = Material(Surface.GLASS, label, (0.03, 0.035, 0.04))
     tracks = [box([3.6, 0.55, 0.85], [0, y, 0.43], black, (0.85, 1.0)) for y in (-1.0, 1.0)]
-    lift, fold = float(rng.uniform(0.3, 1.0)), float(rng.uniform(0.6, 1.6))
+    lift, fold = rng.uniform(0.3, 1.0), rng.uniform(0.6, 1.6)
     # A beam along x from its origin, turned upwards by an angle; swung() turns about y.
     first = box([3.4, 0.35, 0.45], [1.7, 0, 0], paint).swung(lift, 0.0)
     tip = np.array([3.4 * np.cos(lift), 0.0, 3.4 * np.sin(lift)])
@@ -86,7 +87,7 @@ def excavator(rng: np.random.Generator) -> Mesh:
             bucket.moved((base + end).tolist()),
         ]
     )
-    return join([*tracks, upper.moved((0, 0, 0), float(rng.uniform(0, 6.28)))])
+    return join([*tracks, upper.moved((0, 0, 0), rng.uniform(0, 6.28))])
 
 
 def heap(rng: np.random.Generator, radius: float, height: float, material: Material) -> Mesh:
@@ -113,29 +114,29 @@ def set_up_works(stretch: Stretch) -> None:
     if rng.random() < 0.35:
         _guide(stretch, line + sign * 0.8)
     side, edge = stretch.side(sign)
-    inner, outer = abs(line) + 0.6, edge + side.land_m + float(rng.uniform(3, 9))
+    inner, outer = abs(line) + 0.6, edge + side.land_m + rng.uniform(3, 9)
     if rng.random() < 0.6:
         soil = Material(
             Surface.GROUND,
             Label.TERRAIN,
-            ((0.2, 0.14, 0.09), (0.35, 0.3, 0.22), (0.25, 0.24, 0.22))[int(rng.integers(3))],
-            (Texture.SOIL, Texture.GRAVEL)[int(rng.integers(2))],
-            float(rng.uniform(2, 5)),
+            pick(rng, ((0.2, 0.14, 0.09), (0.35, 0.3, 0.22), (0.25, 0.24, 0.22))),
+            pick(rng, (Texture.SOIL, Texture.GRAVEL)),
+            rng.uniform(2, 5),
         )
         low, high = sorted(rng.uniform(stretch.start_m, stretch.stop_m, 2))
         stretch.strip(sign * inner, sign * min(edge + 0.2, outer), 0.02, soil, float(low), float(high) + 1.0)
-        for _ in range(int(rng.poisson(0.9))):
-            size = float(rng.uniform(1.0, 2.6))
-            s = float(rng.uniform(stretch.start_m, stretch.stop_m))
+        for _ in range(rng.poisson(0.9)):
+            size = rng.uniform(1.0, 2.6)
+            s = rng.uniform(stretch.start_m, stretch.stop_m)
             stretch.place(heap(rng, size, size * 0.55, soil), s, sign * (outer + size * 0.3), 0.0)
-    for _ in range(int(rng.poisson(1.0))):
+    for _ in range(rng.poisson(1.0)):
         item = excavator(rng) if rng.random() < 0.4 else container(rng)
-        s, yaw = float(rng.uniform(stretch.start_m, stretch.stop_m)), float(rng.normal(0, 0.2))
+        s, yaw = rng.uniform(stretch.start_m, stretch.stop_m), rng.normal(0, 0.2)
         if not stretch.crosses(s - 3, s + 3):
-            out = float(rng.uniform(inner + 2.2, max(outer, inner + 2.4)))
+            out = rng.uniform(inner + 2.2, max(outer, inner + 2.4))
             stretch.place(item, s, sign * out, style.kerb_m if out > edge and side.walk_m > 0 else 0.0, yaw)
     if rng.random() < 0.5:
-        low = float(rng.uniform(stretch.start_m, stretch.stop_m - 15))
+        low = rng.uniform(stretch.start_m, stretch.stop_m - 15)
         stretch.place_along(
             lambda length: furniture.wire_fence(length, 2.0), -sign, low, low + 14.0, sign * (outer + 0.5)
         )
@@ -153,7 +154,7 @@ def _guide(stretch: Stretch, line: float) -> None:
             stretch.place_along(furniture.concrete_barrier if rng.random() < 0.5 else barrier, 1, start, stop, line)
         return
     item = (cone(), beacon(), barrier(2.0))[kind]
-    for s in np.arange(stretch.start_m, stretch.start_m + STRETCH_M, float(rng.uniform(3.0, 9.0))):
+    for s in np.arange(stretch.start_m, stretch.start_m + STRETCH_M, rng.uniform(3.0, 9.0)):
         if not stretch.crosses(float(s), float(s)):
-            turn = float(rng.normal(0, 0.1)) if kind < 2 else float(rng.normal(0, 0.2))
-            stretch.place(item, float(s), line + float(rng.normal(0, 0.12)), 0.0, turn)
+            turn = rng.normal(0, 0.1) if kind < 2 else rng.normal(0, 0.2)
+            stretch.place(item, float(s), line + rng.normal(0, 0.12), 0.0, turn)

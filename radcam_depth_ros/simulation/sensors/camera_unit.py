@@ -1,4 +1,4 @@
-"""From radiance to a picture: exposure, glass, noise, colour, tone."""
+"""Develops radiance into a picture as one camera does: exposure, optics, noise, colour, tone."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 
 from radcam_depth_ros.frame import FloatArray, ImageArray
 from radcam_depth_ros.simulation.sensors.optics import Optics, smeared
+from radcam_depth_ros.simulation.settings.randomness import log_uniform, pick
 
 _BRIGHTEST = 16.0
 _STEPS = 4096
@@ -15,7 +16,7 @@ _DAY = 0.3
 _LONGEST_S, _MOST_GAIN = 1 / 60, 8.0
 
 
-class Lens:
+class CameraUnit:
     """The optics, sensor and processing of one camera, drawn once; frames differ by exposure control and noise."""
 
     def __init__(
@@ -31,21 +32,21 @@ class Lens:
             random: Whether its tones may be such as no camera has.
         """
         self._optics = Optics(rng, width, height, rain)
-        self._key = float(np.exp(rng.uniform(np.log(0.1), np.log(0.42))))
-        self._metering = float(rng.uniform(0.5, 1.0))
+        self._key = log_uniform(rng, 0.1, 0.42)
+        self._metering = rng.uniform(0.5, 1.0)
         # Exposure control misses, and it cannot make a day of the night.
         self._unsteady, self._floor = (
-            float(rng.uniform(0.03, 0.25)),
-            float(np.exp(rng.uniform(np.log(1e-4), np.log(8e-4)))),
+            rng.uniform(0.03, 0.25),
+            log_uniform(rng, 1e-4, 8e-4),
         )
-        self._shutter_s = float(np.exp(rng.uniform(np.log(3e-4), np.log(5e-3))))
+        self._shutter_s = log_uniform(rng, 3e-4, 5e-3)
         self._balance = np.exp(rng.normal(0, [0.07, 0.02, 0.09]) * (3 if random else 1)).astype(np.float32)
-        self._saturation = float(rng.uniform(0.45, 1.5)) if rng.random() < 0.97 else 0.0
+        self._saturation = rng.uniform(0.45, 1.5) if rng.random() < 0.97 else 0.0
         self._tone = [_tone_curve(rng, random) for _ in range(3 if random else 1)]
-        self._sharpen = float(rng.uniform(0, 1.0)) if rng.random() < 0.5 else 0.0
-        self._halo_px = float(rng.uniform(0.6, 1.6))
+        self._sharpen = rng.uniform(0, 1.0) if rng.random() < 0.5 else 0.0
+        self._halo_px = rng.uniform(0.6, 1.6)
         self._mosaic = bool(rng.random() < 0.5)
-        self._shot, self._read = float(rng.uniform(0.002, 0.02)), float(rng.uniform(0.001, 0.008))
+        self._shot, self._read = rng.uniform(0.002, 0.02), rng.uniform(0.001, 0.008)
 
     def develop(
         self, radiance: FloatArray, rng: np.random.Generator, motion_px_s: FloatArray | None = None
@@ -105,10 +106,10 @@ def _tone_curve(rng: np.random.Generator, random: bool) -> FloatArray:
     """
     light = np.square(np.arange(int(np.sqrt(_BRIGHTEST) * _STEPS) + 1) / _STEPS)
     gamma = float(rng.uniform(1.0, 3.2) if random else rng.uniform(1.8, 2.5))
-    filmic = float(rng.choice([0.0, 0.5, 1.0], p=[0.65, 0.2, 0.15]))
+    filmic = pick(rng, (0.0, 0.5, 1.0), (0.65, 0.2, 0.15))
     curve = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
     tone = np.minimum(light, 1) ** (1 / gamma) * (1 - filmic) + np.minimum(curve, 1) ** (1 / gamma) * filmic
-    contrast = float(rng.uniform(-0.15, 0.6))
+    contrast = rng.uniform(-0.15, 0.6)
     tone = tone + contrast * (tone * tone * (3 - 2 * tone) - tone)
     flat = rng.random() < 0.12
     black = float(rng.uniform(0.05, 0.22) if flat else rng.uniform(-0.02, 0.08))
