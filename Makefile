@@ -24,7 +24,7 @@ IN_PARALLEL := -n 3 --dist loadfile --no-loadscope-reorder
 ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
 EXHAUSTIVE = $(shell grep -rl --include='*.py' 'pytest.mark.exhaustive' test)
 
-.PHONY: help demo test test-exhaustive check check-all docs lint format clean
+.PHONY: help demo test test-exhaustive check check-all docs generate lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -57,6 +57,9 @@ check-all: .venv/installed .venv/tf2_msgs.installed lint ## all tests in both nu
 
 docs: .venv/installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
 	@.venv/bin/python scripts/documented_commands.py $(PAGES)
+
+generate: .venv/installed ## writes the pages that follow from the package's tables: parameters, outputs
+	@.venv/bin/python scripts/generate_pages.py
 
 lint: .venv/installed ## ruff and mypy, as CI runs them
 	@.venv/bin/python -m ruff check .

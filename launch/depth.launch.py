@@ -11,7 +11,6 @@ from launch_ros.actions import LifecycleNode, Node
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "radcam_depth_ros"
-EITHER = ("", "true", "false")
 
 
 def is_true(text: str) -> bool:
@@ -29,34 +28,37 @@ def numbers(text: str) -> list[float]:
     return [float(number) for number in text.replace(",", " ").split()]
 
 
-# Arguments that set a parameter. name: (parameter, how the text is read, description). What is left empty is left to
-# the parameter files.
-SETS: dict[str, tuple[str, Callable[[str], Any], str]] = {
-    "image": ("image_topic", str, "Topic of the camera's images, such as /front/image_raw."),
-    "image_transport": ("image_transport", str, "raw, compressed or compressed_topic."),
-    "camera_info": ("camera_info_topic", str, "Topic of the camera's calibration; camera_info beside image by itself."),
-    "radar_topics": ("radar_topics", topics, 'Topics of the radars, separated by commas; "," for none.'),
-    "image_is_rectified": ("image_is_rectified", is_true, "true for images without distortion, as image_rect topics."),
-    "camera_frame": ("camera_frame", str, "Frame of images whose frame_id is empty."),
-    "radar_frame": ("radar_frame", str, "Frame of radar clouds whose frame_id is empty."),
-    "camera_from_radar": ("camera_from_radar", numbers, "x y z qx qy qz qw for each radar, in place of /tf_static."),
-    "footprint_frame": ("footprint_frame", str, "Frame on the road under the vehicle."),
-    "camera_height_m": ("camera_height_m", float, "Height of the camera above the road, in place of footprint_frame."),
-    "radar_time_offset_s": ("radar_time_offset_s", float, "Added to the radars' stamps."),
-    "depth_encoding": ("depth_encoding", str, "32FC1 (metres) or 16UC1 (millimetres)."),
-    "output_size": ("output_size", str, "native or network."),
-    "points_stride": ("points_stride", int, "depth/points has a point for each square of so many pixels' width."),
-    "without_radar": ("without_radar", str, "Images without radar returns: camera_only, hold or suppress."),
-    "network": ("network", str, "Network whose weights come with the package."),
-    "model_file": ("model_file", str, "Weight file in place of the one that comes with the package."),
-    "device": ("device", str, "cpu, cuda, cuda:1 ..."),
-    "threads": ("threads", int, "CPU threads of the network; several nodes should share the cores."),
-    "autostart": ("autostart", is_true, "false leaves configure and activate to a lifecycle manager."),
+# Arguments that set a parameter. name: (parameter, how the text is read). Empty leaves it to the parameter files.
+SETS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "image": ("image_topic", str),
+    "image_transport": ("image_transport", str),
+    "camera_info": ("camera_info_topic", str),
+    "radar_topics": ("radar_topics", topics),
+    "image_is_rectified": ("image_is_rectified", is_true),
+    "camera_frame": ("camera_frame", str),
+    "radar_frame": ("radar_frame", str),
+    "camera_from_radar": ("camera_from_radar", numbers),
+    "footprint_frame": ("footprint_frame", str),
+    "camera_height_m": ("camera_height_m", float),
+    "radar_time_offset_s": ("radar_time_offset_s", float),
+    "depth_encoding": ("depth_encoding", str),
+    "output_size": ("output_size", str),
+    "points_stride": ("points_stride", int),
+    "without_radar": ("without_radar", str),
+    "network": ("network", str),
+    "model_file": ("model_file", str),
+    "device": ("device", str),
+    "threads": ("threads", int),
+    "autostart": ("autostart", is_true),
+}
+FORMATS: dict[Callable[[str], Any], str] = {
+    topics: ' Separated by commas; "," for none.',
+    numbers: " Separated by commas or blanks.",
 }
 # All other arguments. name: (default, description).
 OTHERS = {
     "sensors": ("", "Typical sensors: a name of config/sensors, such as ars548_nebula."),
-    "params_file": ("", "Parameter file, which outdoes sensors; config/node.yaml explains every line."),
+    "params_file": ("", "Parameter file, which wins over sensors; config/node_all.yaml explains every line."),
     "namespace": ("", "Namespace of the node and of its topics: one for each camera."),
     "node_name": ("radcam_depth", "Name of the node."),
     "use_sim_time": ("false", "true to go by /clock, with a bag that is played with --clock."),
@@ -64,15 +66,44 @@ OTHERS = {
     "respawn": ("false", "true to start the node again when it ends."),
     "rviz": ("false", "true to look at it in RViz."),
 }
-CHOICES = {
-    **dict.fromkeys(("image_is_rectified", "autostart"), EITHER),
-    **dict.fromkeys(("use_sim_time", "respawn", "rviz"), EITHER[1:]),
-    "image_transport": ("", "raw", "compressed", "compressed_topic"),
-    "depth_encoding": ("", "32FC1", "16UC1"),
-    "output_size": ("", "native", "network"),
-    "without_radar": ("", "camera_only", "hold", "suppress"),
+OTHER_CHOICES = {
+    **dict.fromkeys(("use_sim_time", "respawn", "rviz"), ("true", "false")),
     "log_level": ("debug", "info", "warn", "error", "fatal"),
 }
+# Parameters, by scripts/generate_pages.py:
+HELP = {
+    "autostart": "Whether the node configures and activates itself at start.",
+    "image_topic": "Topic of the camera's images, relative to the node's namespace; remapping works too.",
+    "image_transport": "Type of the images.",
+    "camera_info_topic": "Topic of the camera's calibration (sensor_msgs/CameraInfo).",
+    "radar_topics": "Topics of the radars (sensor_msgs/PointCloud2).",
+    "image_is_rectified": "Whether the images are free of distortion already, as image_rect topics are.",
+    "camera_frame": "Frame of images whose frame_id is empty.",
+    "radar_frame": "Frame of radar clouds whose frame_id is empty.",
+    "camera_from_radar": "Poses of the radars in the camera's optical frame, in place of /tf_static: x y z "
+    "in metres and the quaternion qx qy qz qw, 7 numbers for each of radar_topics.",
+    "footprint_frame": "Frame on the road under the vehicle (REP 105).",
+    "camera_height_m": "Height of the camera above the road in metres, in place of footprint_frame.",
+    "radar_time_offset_s": "Correction added to the radars' stamps, in seconds, where their clock or delay "
+    "differs from the camera's.",
+    "without_radar": "Handling of images without radar returns.",
+    "depth_encoding": "Encoding of depth images (REP 118).",
+    "points_stride": "Pixel step of depth/points: 1 makes a point of each pixel, 4 of a sixteenth of them.",
+    "output_size": "Size of the depth images.",
+    "network": "Network whose weights come with the package.",
+    "model_file": "Weight file in place of the network's own.",
+    "device": "Device that runs the network: cpu, cuda, cuda:1 and so on.",
+    "threads": "CPU threads of the network.",
+}
+CHOICES = {
+    "autostart": ("", "true", "false"),
+    "image_transport": ("", "raw", "compressed", "compressed_topic"),
+    "image_is_rectified": ("", "true", "false"),
+    "without_radar": ("", "camera_only", "hold", "suppress"),
+    "depth_encoding": ("", "32FC1", "16UC1"),
+    "output_size": ("", "native", "network"),
+}
+# End.
 # What rviz/radcam_depth.rviz shows; a node in a namespace has them there.
 SHOWN = ("depth/preview", "depth/points", "depth/confidence", "semi_dense/image_rect", "radar/points")
 
@@ -82,7 +113,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given = {name: LaunchConfiguration(name).perform(context).strip() for name in (*SETS, *OTHERS)}
     share = Path(FindPackageShare(PACKAGE).perform(context))
     parameters: dict[str, Any] = {"use_sim_time": is_true(given["use_sim_time"])}
-    for name, (parameter, read, _) in SETS.items():
+    for name, (parameter, read) in SETS.items():
         if given[name]:
             parameters[parameter] = read(given[name])
     files = [given["params_file"]] if given["params_file"] else []
@@ -116,9 +147,17 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 def generate_launch_description() -> LaunchDescription:
     """What `ros2 launch` asks for."""
-    described = {name: ("", description) for name, (_, _, description) in SETS.items()} | OTHERS
     arguments = [
-        DeclareLaunchArgument(name, default_value=default, description=description, choices=CHOICES.get(name))
-        for name, (default, description) in described.items()
+        DeclareLaunchArgument(
+            name,
+            default_value="",
+            description=HELP[parameter] + FORMATS.get(read, ""),
+            choices=CHOICES.get(parameter),
+        )
+        for name, (parameter, read) in SETS.items()
+    ]
+    arguments += [
+        DeclareLaunchArgument(name, default_value=default, description=description, choices=OTHER_CHOICES.get(name))
+        for name, (default, description) in OTHERS.items()
     ]
     return LaunchDescription([*arguments, OpaqueFunction(function=start)])

@@ -12,24 +12,40 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "radcam_depth_ros"
-# Arguments of depth.launch.py that all cameras get alike. name: (default, description).
+# Arguments of depth.launch.py that all cameras get alike. name: (default, its parameter, or a description).
 PASSED_ON = {
-    "image": ("image_raw", "Topic of the images, relative to a camera's namespace."),
-    "image_transport": ("", "raw, compressed or compressed_topic."),
-    "camera_info": ("camera_info", "Topic of the calibration, relative to a camera's namespace."),
-    "radar_topics": (
-        "/radar/points",
-        "Topics of the radars, separated by commas; with a slash they are shared by all.",
-    ),
-    "footprint_frame": ("", "Frame on the road under the vehicle."),
-    "network": ("", "Network whose weights come with the package."),
-    "model_file": ("", "Weight file in place of the one that comes with the package."),
-    "device": ("", "cpu, cuda, cuda:1 ..."),
-    "threads": ("", "CPU threads of each network: the cores divided by the cameras."),
+    "image": ("image_raw", "image_topic"),
+    "image_transport": ("", "image_transport"),
+    "camera_info": ("camera_info", "camera_info_topic"),
+    "radar_topics": ("/radar/points", "radar_topics"),
+    "footprint_frame": ("", "footprint_frame"),
+    "network": ("", "network"),
+    "model_file": ("", "model_file"),
+    "device": ("", "device"),
+    "threads": ("", "threads"),
     "use_sim_time": ("false", "true to go by /clock."),
     "log_level": ("info", "debug, info, warn, error."),
     "respawn": ("false", "true to start a node again when it ends."),
 }
+NOTES = {
+    "image": " Here it is relative to a camera's namespace.",
+    "camera_info": " Here it is relative to a camera's namespace.",
+    "radar_topics": " Separated by commas; with a slash they are shared by all cameras.",
+    "threads": " Here of each network: the cores divided by the cameras.",
+}
+# Parameters, by scripts/generate_pages.py:
+HELP = {
+    "image_topic": "Topic of the camera's images, relative to the node's namespace; remapping works too.",
+    "image_transport": "Type of the images.",
+    "camera_info_topic": "Topic of the camera's calibration (sensor_msgs/CameraInfo).",
+    "radar_topics": "Topics of the radars (sensor_msgs/PointCloud2).",
+    "footprint_frame": "Frame on the road under the vehicle (REP 105).",
+    "network": "Network whose weights come with the package.",
+    "model_file": "Weight file in place of the network's own.",
+    "device": "Device that runs the network: cpu, cuda, cuda:1 and so on.",
+    "threads": "CPU threads of the network.",
+}
+# End.
 
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
@@ -60,8 +76,10 @@ def generate_launch_description() -> LaunchDescription:
                 description="Folder with a parameter file for cameras: <camera>.yaml.",
             ),
             *(
-                DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, (default, description) in PASSED_ON.items()
+                DeclareLaunchArgument(
+                    name, default_value=default, description=HELP.get(meaning, meaning) + NOTES.get(name, "")
+                )
+                for name, (default, meaning) in PASSED_ON.items()
             ),
             OpaqueFunction(function=start),
         ]

@@ -25,6 +25,7 @@ from radcam_depth_ros.messages import (
     encode_preview,
 )
 from radcam_depth_ros.resampling import rectify, resample_image
+from radcam_depth_ros.setting import check_choices, setting
 
 
 class EncoderError(RadcamDepthError):
@@ -33,30 +34,34 @@ class EncoderError(RadcamDepthError):
 
 @dataclass(frozen=True)
 class OutputConfig:
-    """How depth is written.
+    """How depth is written."""
 
-    Attributes:
-        depth_encoding: `32FC1` metres with NaN for "no value", or `16UC1` millimetres with 0.
-        preview_colormap: Colours of the preview, one of `COLORMAPS`.
-        preview_near_m: What is nearer, in metres, has the preview's first colour.
-        preview_far_m: What is further, in metres, has the preview's last colour.
-        points_stride: The point cloud has a point for each square of so many pixels' width.
-        points_near_m: What is nearer, in metres, gives no point.
-        points_far_m: What is further, in metres, gives no point.
-    """
-
-    depth_encoding: str = "32FC1"
-    preview_colormap: str = "turbo"
-    preview_near_m: float = 2.0
-    preview_far_m: float = 80.0
-    points_stride: int = 1
-    points_near_m: float = 0.0
-    points_far_m: float = 1000.0
+    depth_encoding: str = setting(
+        "32FC1",
+        'Encoding of depth images (REP 118). 32FC1 is metres with NaN for "no value", 16UC1 millimetres with 0.',
+        choices=DEPTH_ENCODINGS,
+        live=True,
+    )
+    preview_colormap: str = setting(
+        "turbo",
+        "Colours of depth/preview. In turbo and jet near is red, in the others light; black means no value.",
+        choices=COLORMAPS,
+        live=True,
+    )
+    preview_near_m: float = setting(
+        2.0, "Depth of the preview's first colour, in metres; all that is nearer has it too.", 0.01, 1000.0, live=True
+    )
+    preview_far_m: float = setting(
+        80.0, "Depth of the preview's last colour, in metres; all that is farther has it too.", 0.01, 1000.0, live=True
+    )
+    points_stride: int = setting(
+        1, "Pixel step of depth/points: 1 makes a point of each pixel, 4 of a sixteenth of them.", 1, 64, live=True
+    )
+    points_near_m: float = setting(0.0, "Minimum depth of published points, in metres.", 0.0, 1000.0, live=True)
+    points_far_m: float = setting(1000.0, "Maximum depth of published points, in metres.", 0.0, 1000.0, live=True)
 
     def __post_init__(self) -> None:
-        for name, known in (("depth_encoding", DEPTH_ENCODINGS), ("preview_colormap", COLORMAPS)):
-            if getattr(self, name) not in known:
-                raise EncoderError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
+        check_choices(self, EncoderError)
         if not 0 < self.preview_near_m < self.preview_far_m:
             raise EncoderError(
                 f"the preview needs 0 < preview_near_m < preview_far_m, got {self.preview_near_m} and "

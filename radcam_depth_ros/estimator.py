@@ -1,8 +1,8 @@
-"""Frame -> DepthResult: resample to the network's focal length, run, resample back."""
+"""Estimates a frame's depth: resample to the network's focal length, run it, resample back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -23,10 +23,9 @@ from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 from radcam_depth_ros.resampling import enlarge_nearest, enlarge_smooth, resample_image, use_one_thread
+from radcam_depth_ros.setting import can_adjust, check_choices, live_settings, setting
 
 OUTPUT_SIZES = ("native", "network")
-ADJUSTABLE = ("output_size",)
-"""What of `EstimatorConfig` can change while a network is loaded."""
 
 
 class EstimatorError(RadcamDepthError):
@@ -35,29 +34,34 @@ class EstimatorError(RadcamDepthError):
 
 @dataclass(frozen=True)
 class EstimatorConfig:
-    """How depth is estimated.
+    """How depth is estimated."""
 
-    Attributes:
-        network: Name of a network whose weights come with the package.
-        model_file: A weight file (.safetensors with its card, or an exported .pt) in place of `network`.
-        device: `cpu` or `cuda`, or `cuda:1` and so on.
-        precision: `float32`, `bfloat16`, or `auto`: see `engine.choose`.
-        threads: CPU threads of the network; 0 takes as many as other work on the computer leaves cores.
-        output_size: `native` gives depth at the image's size, `network` at the size that the network worked at.
-    """
-
-    network: str = "baff"
-    model_file: str = ""
-    device: str = "cpu"
-    precision: str = "auto"
-    threads: int = 0
-    output_size: str = "native"
+    network: str = setting("baff", "Network whose weights come with the package.")
+    model_file: str = setting(
+        "",
+        "Weight file in place of the network's own. It is a .safetensors file with its card beside it, or a .pt file "
+        "of radcam-depth export.",
+    )
+    device: str = setting("cpu", "Device that runs the network: cpu, cuda, cuda:1 and so on.")
+    precision: str = setting(
+        "auto",
+        "Number format of the network. auto takes the environment variable RADCAM_DEPTH_PRECISION, else what suits the "
+        "processor; the log and the diagnostics say which format it is, and why.",
+        choices=PRECISIONS,
+    )
+    threads: int = setting(
+        0, "CPU threads of the network. 0 takes as many as other work on the computer leaves cores.", 0, 256
+    )
+    output_size: str = setting(
+        "native",
+        "Size of the depth images. native is the image's size, network the size that the network works at, with a "
+        "camera_info of its own.",
+        choices=OUTPUT_SIZES,
+        live=True,
+    )
 
     def __post_init__(self) -> None:
-        if self.output_size not in OUTPUT_SIZES:
-            raise EstimatorError(f"output_size must be one of {', '.join(OUTPUT_SIZES)}, got {self.output_size!r}")
-        if self.precision not in PRECISIONS:
-            raise EstimatorError(f"precision must be one of {', '.join(PRECISIONS)}, got {self.precision!r}")
+        check_choices(self, EstimatorError)
         if self.threads < 0:
             raise EstimatorError(f"threads must be 0 (as many as are free) or more, got {self.threads}")
 
@@ -130,16 +134,17 @@ class Estimator:
 
     def can_adjust(self, config: EstimatorConfig) -> bool:
         """Whether this network, as it is loaded, serves another config; else one must be loaded for it."""
-        return replace(config, **{name: getattr(self.config, name) for name in ADJUSTABLE}) == self.config
+        return can_adjust(self.config, config)
 
     def adjust(self, config: EstimatorConfig) -> None:
-        """Takes up a config that differs in what is `ADJUSTABLE`, from the next frame that is finished on.
+        """Takes up a config that differs in live settings, from the next frame that is finished on.
 
         Raises:
             EstimatorError: when another network would have to be loaded.
         """
         if not self.can_adjust(config):
-            raise EstimatorError(f"only {', '.join(ADJUSTABLE)} can change while a network is loaded; load it anew")
+            names = ", ".join(live_settings(config))
+            raise EstimatorError(f"only {names} can change while a network is loaded; load it anew")
         self.config = config
 
     def describe(self) -> str:

@@ -158,11 +158,6 @@ def test_parameters_and_recipes_can_be_used(page: str, block: str) -> None:
     assert configuration.build(TrainingConfig, values, page)
 
 
-def test_the_parameters_are_those_of_the_node() -> None:
-    render = runpy.run_path(str(ROOT / "scripts" / "parameter_table.py"))["render"]
-    assert render(TEXTS["README.md"]) == TEXTS["README.md"], "run scripts/parameter_table.py"
-
-
 @pytest.mark.parametrize("page", TEXTS)
 def test_verbs_exist(page: str) -> None:
     verbs = {command.name for command in app.registered_commands}

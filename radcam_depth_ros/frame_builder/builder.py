@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from radcam_depth_ros.messages import (
 )
 from radcam_depth_ros.motion import Memory, Motion, MotionError, Mounts, displacement, move
 from radcam_depth_ros.pairing import Pair, Pairer, PairingCounts, for_each_radar
+from radcam_depth_ros.setting import can_adjust, live_settings
 
 _SECOND = 1_000_000_000
 _LATE_IMAGE_NS = _SECOND
@@ -44,15 +44,6 @@ class FrameBuilder:
         last_motion_problem: Why it was so the last time.
     """
 
-    ADJUSTABLE: ClassVar[tuple[str, ...]] = (
-        "camera_height_m",
-        "camera_pitch_deg",
-        "camera_roll_deg",
-        "without_radar",
-        "max_hold_s",
-    )
-    """What of the config, besides `pairing.ADJUSTABLE`, can change while messages are taken."""
-
     def __init__(self, config: FrameBuilderConfig) -> None:
         self.config = config
         self.transforms = TransformTree()
@@ -74,14 +65,14 @@ class FrameBuilder:
         )
 
     def adjust(self, config: FrameBuilderConfig) -> None:
-        """Takes up a config that differs in what is `ADJUSTABLE`, from the next frame on.
+        """Takes up a config that differs in live settings, from the next frame on.
 
         Raises:
             RadcamDepthError: when more differs.
         """
-        kept = {name: getattr(self.config, name) for name in self.ADJUSTABLE}
-        if replace(config, pairing=self.config.pairing, **kept) != self.config:
-            raise FrameBuilderError(f"only {', '.join(self.ADJUSTABLE)} and limits of pairing can change; begin anew")
+        if not can_adjust(self.config, config):
+            names = ", ".join(live_settings(config))
+            raise FrameBuilderError(f"only {names} and limits of pairing can change; begin anew")
         self._pairer.adjust(config.pairing)
         self.config = config
 

@@ -1,4 +1,4 @@
-"""What is read, and how frames are made of it."""
+"""Settings of the frame builder: topics, frames, extrinsics, the camera above the road."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.messages import FieldAliases
 from radcam_depth_ros.pairing import PairingConfig, for_each_radar
+from radcam_depth_ros.setting import check_choices, setting
 
 TRANSFORM_TOPICS = ("/tf_static", "/tf")
 COMPRESSED_SUFFIX = "/compressed"
@@ -22,50 +23,93 @@ class FrameBuilderError(RadcamDepthError):
 
 @dataclass(frozen=True)
 class FrameBuilderConfig:
-    """What is read, and how frames are made of it.
+    """What is read, and how frames are made of it; descriptions name fields by their parameters (`image_topic`)."""
 
-    Attributes:
-        image: Topic of the images, sensor_msgs/Image or CompressedImage.
-        camera_info: Topic of the camera's calibration; empty for `camera_info` beside the images, as image_transport
-            has it.
-        radars: Topics of the radars' point clouds; may be empty.
-        image_is_rectified: The images are free of distortion, as `image_rect` topics are, whatever camera_info says.
-        camera_frame: Frame of the camera where the image's frame_id is empty.
-        radar_frame: Frame of the radars where a cloud's frame_id is empty, one for all of them or one for each.
-        radar_fields: Names of the clouds' fields where they are not among those that are known, as
-            `FieldAliases.parse` reads them; one text for all radars or one for each.
-        camera_from_radar: Extrinsics in place of `/tf_static`: x y z in metres and the quaternion x y z w of each
-            radar in the camera's optical frame, 7 numbers a radar, in the order of `radars`.
-        footprint_frame: Frame on the road under the vehicle (REP 105); gives the camera's height and attitude.
-        camera_height_m: Height of the camera above the road, in place of `footprint_frame`; 0 where unknown.
-        camera_pitch_deg: With `camera_height_m`: how far the camera looks down, degrees.
-        camera_roll_deg: With `camera_height_m`: how far the camera leans to its right, degrees.
-        radar_motion_compensation: Returns of a single sweep are moved to the image's time, too; those of several always
-            are.
-        odometry: Topic of the vehicle's nav_msgs/Odometry, by which returns are moved; empty takes `/tf`.
-        odom_frame: Of `/tf`: the frame that stands still.
-        without_radar: One of `WITHOUT_RADAR`; with `hold` a radar that has no sweep for an image keeps its last one.
-        max_hold_s: With `hold`: no longer than this, in seconds.
-        pairing: How images find their radar sweeps.
-    """
-
-    image: str = "image"
-    camera_info: str = ""
-    radars: tuple[str, ...] = ("radar/points",)
-    image_is_rectified: bool = False
-    camera_frame: str = ""
-    radar_frame: str | tuple[str, ...] = ""
-    radar_fields: str | tuple[str, ...] = ""
-    camera_from_radar: tuple[float, ...] = ()
-    footprint_frame: str = "base_footprint"
-    camera_height_m: float = 0.0
-    camera_pitch_deg: float = 0.0
-    camera_roll_deg: float = 0.0
-    radar_motion_compensation: bool = False
-    odometry: str = ""
-    odom_frame: str = "odom"
-    without_radar: str = "camera_only"
-    max_hold_s: float = 0.5
+    image: str = setting(
+        "image", "Topic of the camera's images, relative to the node's namespace; remapping works too."
+    )
+    camera_info: str = setting(
+        "",
+        "Topic of the camera's calibration (sensor_msgs/CameraInfo). Empty means camera_info beside the images, as "
+        "image_transport has it: /front/camera_info for /front/image_raw.",
+    )
+    radars: tuple[str, ...] = setting(
+        ("radar/points",),
+        'Topics of the radars (sensor_msgs/PointCloud2). [""] means none: depth comes from the camera alone. '
+        "radar_fields, radar_frame and radar_time_offset_s take one value for all radars, or a list with one value "
+        "for each, in this order.",
+    )
+    image_is_rectified: bool = setting(
+        False,
+        "Whether the images are free of distortion already, as image_rect topics are. Otherwise the node rectifies "
+        "them.",
+    )
+    camera_frame: str = setting(
+        "",
+        "Frame of images whose frame_id is empty. Its axes are those of an optical frame: x right, y down, z forward "
+        "(REP 103).",
+    )
+    radar_frame: str | tuple[str, ...] = setting(
+        "",
+        "Frame of radar clouds whose frame_id is empty. One frame for all radars, or a list with one for each of "
+        "radar_topics: radar_front, or [radar_front, radar_rear].",
+    )
+    radar_fields: str | tuple[str, ...] = setting(
+        "",
+        "Names of the radar clouds' fields, where the node does not know them: quantity=field, separated by blanks, "
+        "such as rcs=power radial_speed=v_d. Quantities are x y z, range azimuth elevation, rcs, radial_speed "
+        "(positive moves away), velocity_x velocity_y velocity_z (relative), compensated_x compensated_y (over "
+        "ground). quantity= ignores it. One text for all radars, or a list with one for each of radar_topics.",
+    )
+    camera_from_radar: tuple[float, ...] = setting(
+        (),
+        "Poses of the radars in the camera's optical frame, in place of /tf_static: x y z in metres and the quaternion "
+        "qx qy qz qw, 7 numbers for each of radar_topics. Empty reads /tf_static, which needs tf2_msgs. A radar 0.5 m "
+        "below the camera that looks the same way is [0.0, 0.5, 0.0, 0.5, -0.5, 0.5, 0.5].",
+    )
+    footprint_frame: str = setting(
+        "base_footprint",
+        "Frame on the road under the vehicle (REP 105). /tf_static gives the camera's height and attitude above it, "
+        "which help the network; the frame may be missing.",
+    )
+    camera_height_m: float = setting(
+        0.0,
+        "Height of the camera above the road in metres, in place of footprint_frame. 0 means unknown: a level camera "
+        "at 1.4 m is then assumed, which the network corrects by what it sees.",
+        0.0,
+        20.0,
+        live=True,
+    )
+    camera_pitch_deg: float = setting(
+        0.0, "Downward pitch of the camera in degrees, with camera_height_m.", -90.0, 90.0, live=True
+    )
+    camera_roll_deg: float = setting(
+        0.0, "Roll of the camera to its right in degrees, with camera_height_m.", -180.0, 180.0, live=True
+    )
+    radar_motion_compensation: bool = setting(
+        False,
+        "Whether a single sweep is moved to the image's time as well, as several always are. The shipped networks "
+        "learned from single sweeps that are not moved.",
+    )
+    odometry: str = setting(
+        "",
+        "Topic of the vehicle's motion (nav_msgs/Odometry), needed where radar returns are moved. Its clock is the "
+        "camera's, its child_frame_id is in the tree of /tf_static. Empty takes /tf.",
+    )
+    odom_frame: str = setting(
+        "odom", "World-fixed frame in which /tf places the vehicle (REP 105), without odometry_topic."
+    )
+    without_radar: str = setting(
+        "camera_only",
+        "Handling of images without radar returns. camera_only: depth from the camera alone, which is less exact. "
+        "hold: each radar without a sweep for the image keeps its last one, with its true age, for max_hold_s. "
+        "suppress: no depth, as long as no return is in view of the camera.",
+        choices=WITHOUT_RADAR,
+        live=True,
+    )
+    max_hold_s: float = setting(
+        0.5, "Longest time that a sweep is held, in seconds, with without_radar hold.", 0.0, 10.0, live=True
+    )
     pairing: PairingConfig = field(default_factory=PairingConfig)
 
     def __post_init__(self) -> None:
@@ -77,10 +121,7 @@ class FrameBuilderConfig:
             )
         if not 0 <= self.camera_height_m < math.inf:
             raise FrameBuilderError(f"camera_height_m must be 0 (unknown) or positive, got {self.camera_height_m}")
-        if self.without_radar not in WITHOUT_RADAR:
-            raise FrameBuilderError(
-                f"without_radar must be one of {', '.join(WITHOUT_RADAR)}, got {self.without_radar!r}"
-            )
+        check_choices(self, FrameBuilderError)
         if self.without_radar == "suppress" and not self.radars:
             raise FrameBuilderError(
                 "without_radar is suppress but no radar is read, so no depth would ever come out; name the radars, or "

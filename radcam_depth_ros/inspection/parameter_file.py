@@ -28,7 +28,7 @@ def write_parameters(path: Path | str, suggestion: Suggestion, source: str) -> N
 
 def render_parameters(suggestion: Suggestion, source: str) -> str:
     """The parameters as YAML, with a comment for each."""
-    lines = [f"# Parameters of the node radcam_depth for {source}; all others are in config/node.yaml."]
+    lines = [f"# Parameters of the node radcam_depth for {source}; all others are in config/node_all.yaml."]
     lines += ["/**:", "  ros__parameters:"]
     for setting in suggestion.settings:
         lines += [f"    # {setting.reason}", f"    {'' if setting.is_needed else '# '}{_entry(setting)}"]

@@ -31,19 +31,18 @@ TYPES = {kind: Parameter.Type[kind.name] for kind in ParameterKind}
 
 def describe(spec: ParameterSpec) -> ParameterDescriptor:
     """A parameter's description, range and choices for ROS tools."""
+    info, minimum, maximum = spec.info, spec.info.minimum, spec.info.maximum
     descriptor = ParameterDescriptor(
-        description=spec.description, read_only=spec.read_only, dynamic_typing=spec.is_for_each_radar
+        description=info.description, read_only=info.is_read_only, dynamic_typing=spec.is_for_each_radar
     )
-    if spec.choices:
-        descriptor.additional_constraints = f"one of {', '.join(spec.choices)}"
-    if spec.minimum is None or spec.maximum is None:
+    if info.choices:
+        descriptor.additional_constraints = f"one of {', '.join(info.choices)}"
+    if minimum is None or maximum is None:
         return descriptor
     if spec.kind is ParameterKind.INTEGER:
-        descriptor.integer_range = [IntegerRange(from_value=int(spec.minimum), to_value=int(spec.maximum))]
+        descriptor.integer_range = [IntegerRange(from_value=int(minimum), to_value=int(maximum))]
     else:
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(spec.minimum), to_value=float(spec.maximum))
-        ]
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(minimum), to_value=float(maximum))]
     return descriptor
 
 
@@ -61,7 +60,7 @@ class Parameters:
         self._refused: dict[str, str] = {}
         """What the parameter file gave that cannot be used, until it is set to something else."""
         self.frozen_because = ""
-        """Why parameters that are not adjustable can't be changed now; empty when they can."""
+        """Why parameters that are not live can't be changed now; empty when they can."""
         for spec in PARAMETERS:
             self._declare(spec)
         node.add_on_set_parameters_callback(self._judge)
@@ -126,7 +125,7 @@ class Parameters:
 
     def _is_frozen(self, spec: ParameterSpec, value: Any) -> bool:
         # What stays as it is may be set, so that a whole file can be loaded.
-        return bool(self.frozen_because) and not spec.is_adjustable and spec.convert(value) != self._value(spec)
+        return bool(self.frozen_because) and not spec.info.is_live and spec.convert(value) != self._value(spec)
 
     def _note(self, parameters: list[Parameter]) -> None:
         names = tuple(parameter.name for parameter in parameters if parameter.name in _BY_NAME)

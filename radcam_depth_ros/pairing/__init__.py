@@ -3,7 +3,6 @@
 from radcam_depth_ros.pairing.clocks import CLOCK_CERTAIN_S, CLOCK_WARNING_S, clock_warning
 from radcam_depth_ros.pairing.pairer import Pairer
 from radcam_depth_ros.pairing.values import (
-    ADJUSTABLE,
     MAX_SWEEPS,
     EarlierSweep,
     Pair,
@@ -15,7 +14,6 @@ from radcam_depth_ros.pairing.values import (
 )
 
 __all__ = [
-    "ADJUSTABLE",
     "CLOCK_CERTAIN_S",
     "CLOCK_WARNING_S",
     "MAX_SWEEPS",

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import bisect
 from collections import Counter, deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Generic
 
 from radcam_depth_ros.pairing.sweeps import Sweeps
 from radcam_depth_ros.pairing.timeline import Timeline
 from radcam_depth_ros.pairing.values import (
-    ADJUSTABLE,
     EarlierSweep,
     ImageT,
     Pair,
@@ -21,6 +20,7 @@ from radcam_depth_ros.pairing.values import (
     SweepT,
     for_each_radar,
 )
+from radcam_depth_ros.setting import can_adjust, live_settings
 
 _SECOND = 1_000_000_000
 _MIN_JUMP_NS = _SECOND // 10
@@ -94,10 +94,11 @@ class Pairer(Generic[ImageT, SweepT]):
         """Takes other limits from now on; images that wait do so as long as they were to.
 
         Raises:
-            PairingError: when more differs than `ADJUSTABLE`.
+            PairingError: when more than live settings differs.
         """
-        if replace(config, **{name: getattr(self._config, name) for name in ADJUSTABLE}) != self._config:
-            raise PairingError(f"only {', '.join(ADJUSTABLE)} can change while images are paired; make a new pairer")
+        if not can_adjust(self._config, config):
+            names = ", ".join(live_settings(config))
+            raise PairingError(f"only {names} can change while images are paired; make a new pairer")
         self._config = config
         self._max_wait_ns = round(config.max_wait_s * _SECOND)
         for sweeps in self._sweeps:

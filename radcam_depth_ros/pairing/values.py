@@ -1,4 +1,4 @@
-"""What pairing takes and gives: limits, pairs, counts."""
+"""Values of pairing: limits, pairs, counts."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.setting import setting
 
 ImageT = TypeVar("ImageT")
 SweepT = TypeVar("SweepT")
@@ -22,28 +23,44 @@ class PairingError(RadcamDepthError):
     """A pairing that cannot work as configured, or a radar that it does not know."""
 
 
-ADJUSTABLE = ("max_time_offset_s", "max_wait_s", "max_sweep_age_s")
-"""What of `PairingConfig` can change while images are paired."""
-
-
 @dataclass(frozen=True)
 class PairingConfig:
-    """How images and radar sweeps are paired.
+    """How images and radar sweeps are paired."""
 
-    Attributes:
-        max_time_offset_s: A sweep further away from the image than this, in seconds, is not taken.
-        max_wait_s: So long, in seconds, an image waits at most for a nearer sweep.
-        radar_time_offset_s: Added to the radars' stamps, in seconds, one number for all of them or one for each;
-            negative where they are stamped too late.
-        radar_sweeps: An image takes so many sweeps of each radar at most: the nearest and those before it.
-        max_sweep_age_s: With several sweeps: none of those is older than this, in seconds.
-    """
-
-    max_time_offset_s: float = 0.1
-    max_wait_s: float = 0.1
-    radar_time_offset_s: float | tuple[float, ...] = 0.0
-    radar_sweeps: int = 1
-    max_sweep_age_s: float = 1.0
+    max_time_offset_s: float = setting(
+        0.1, "Largest distance in time between an image and a radar sweep of it, in seconds.", 0.0, 10.0, live=True
+    )
+    max_wait_s: float = setting(
+        0.1,
+        "Longest time that an image waits for a radar sweep that may be nearer, in seconds; by /clock with "
+        "use_sim_time.",
+        0.0,
+        10.0,
+        live=True,
+    )
+    radar_time_offset_s: float | tuple[float, ...] = setting(
+        0.0,
+        "Correction added to the radars' stamps, in seconds, where their clock or delay differs from the camera's. "
+        "One number for all radars, or a list with one for each of radar_topics: -0.05, or [0.0, -0.05]. It is "
+        "negative where the stamps are too late.",
+        -10.0,
+        10.0,
+    )
+    radar_sweeps: int = setting(
+        1,
+        "Number of sweeps of each radar that an image takes: the nearest and those before it. Several sweeps are "
+        "moved to the image's time: static returns by the vehicle's motion, moving ones also by their Doppler, along "
+        "the line of sight. While the motion is unknown, the nearest sweep is used alone, and the diagnostics say so.",
+        1,
+        MAX_SWEEPS,
+    )
+    max_sweep_age_s: float = setting(
+        1.0,
+        "Largest age of the sweeps before the nearest one, in seconds, with radar_sweeps above 1.",
+        0.0,
+        10.0,
+        live=True,
+    )
 
     def __post_init__(self) -> None:
         if not 1 <= self.radar_sweeps <= MAX_SWEEPS:

@@ -1,4 +1,4 @@
-"""All that the node can be told, as one dataclass."""
+"""The node's config: one dataclass of all its parts."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from radcam_depth_ros.encoder import OutputConfig
 from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX, FrameBuilderConfig
+from radcam_depth_ros.setting import check_choices, setting
 
 IMAGE_TRANSPORTS = ("raw", "compressed", "compressed_topic")
 
@@ -18,28 +19,26 @@ class ParameterError(RadcamDepthError):
 
 @dataclass(frozen=True)
 class NodeConfig:
-    """All that the node can be told.
+    """All that the node can be told."""
 
-    Attributes:
-        autostart: Configure and activate without being asked.
-        image_transport: `raw` takes sensor_msgs/Image, `compressed` takes sensor_msgs/CompressedImage beside the
-            images' topic, as image_transport names it, `compressed_topic` on that topic itself.
-        frame_builder: What is read, and how frames are made of it.
-        estimator: How depth is estimated.
-        output: How depth is written.
-    """
-
-    autostart: bool = True
-    image_transport: str = "raw"
+    autostart: bool = setting(
+        True,
+        "Whether the node configures and activates itself at start. false leaves it to a lifecycle manager (nav2, ros2 "
+        "lifecycle set).",
+        read_only=True,
+    )
+    image_transport: str = setting(
+        "raw",
+        "Type of the images. raw: sensor_msgs/Image. compressed: sensor_msgs/CompressedImage, jpeg or png, on "
+        "<image_topic>/compressed, as image_transport names it. compressed_topic: the same on image_topic itself.",
+        choices=IMAGE_TRANSPORTS,
+    )
     frame_builder: FrameBuilderConfig = field(default_factory=FrameBuilderConfig)
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     output: OutputConfig = field(default_factory=OutputConfig)
 
     def __post_init__(self) -> None:
-        if self.image_transport not in IMAGE_TRANSPORTS:
-            raise ParameterError(
-                f"image_transport must be one of {', '.join(IMAGE_TRANSPORTS)}, got {self.image_transport!r}"
-            )
+        check_choices(self, ParameterError)
 
     @property
     def image_topic(self) -> str:

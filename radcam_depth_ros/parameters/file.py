@@ -130,7 +130,7 @@ def _refuse_unknown(given: Mapping[str, Any], path: Path) -> None:
             "which are of another package; give the node's own file"
         )
     name = next((name for name in unknown if near[name]), unknown[0])
-    what = f"did you mean {near[name]}?" if near[name] else "config/node.yaml lists all of them"
+    what = f"did you mean {near[name]}?" if near[name] else "config/node_all.yaml lists all of them"
     raise ParameterError(f"{path}: the node has no parameter {name}; {what}")
 
 

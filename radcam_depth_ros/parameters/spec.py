@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 import functools
 import typing
@@ -10,20 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from radcam_depth_ros import estimator, pairing
-from radcam_depth_ros.encoder import OutputConfig
-from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
-
-_ADJUSTABLE = frozenset(
-    (
-        *(f"frame_builder.{name}" for name in FrameBuilder.ADJUSTABLE),
-        *(f"output.{entry.name}" for entry in dataclasses.fields(OutputConfig)),
-        *(f"frame_builder.pairing.{name}" for name in pairing.ADJUSTABLE),
-        *(f"estimator.{name}" for name in estimator.ADJUSTABLE),
-    )
-)
-"""Fields of `NodeConfig` that can change while the node is active."""
+from radcam_depth_ros.setting import SettingInfo, setting_info
 
 
 class ParameterKind(enum.Enum):
@@ -44,40 +31,30 @@ class ParameterSpec:
     Attributes:
         name: Its name in ROS.
         path: The field of `NodeConfig` that it sets, dotted.
-        description: What it means, for `ros2 param describe`.
-        minimum: Smallest number.
-        maximum: Largest number.
-        choices: All values that are allowed, for enumerated parameters.
-        read_only: Only the parameter file can set it.
     """
 
     name: str
     path: str
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str, ...] = ()
-    read_only: bool = False
 
     @property
     def default(self) -> Any:
         """The field's default."""
-        return functools.reduce(getattr, self.path.split("."), NodeConfig())
+        return _field(self.path)[0]
 
     @property
-    def is_adjustable(self) -> bool:
-        """Whether it can be set while the node is active."""
-        return self.path in _ADJUSTABLE
+    def info(self) -> SettingInfo:
+        """The field's description, range, choices and flags."""
+        return _field(self.path)[1]
 
     @property
     def kind(self) -> ParameterKind:
         """The kind of its value, of the field's type; of a single value where a list of them is allowed as well."""
-        return _KINDS[_field_type(self.path)]
+        return _KINDS[_field(self.path)[2]]
 
     @property
     def is_for_each_radar(self) -> bool:
         """Whether it is one value for all radars or a list with one for each."""
-        return _field_type(self.path) in _FOR_EACH_RADAR
+        return _field(self.path)[2] in _FOR_EACH_RADAR
 
     def convert(self, value: Any) -> Any:
         """The value as the field wants it: whole numbers are fine for floats.
@@ -94,23 +71,20 @@ class ParameterSpec:
         converted: Any = _CONVERSIONS[self.kind](value)
         if converted is None:
             raise ParameterError(f"the parameter {self.name} must be {self.kind.value}, got {value!r}")
-        if self.choices and converted not in self.choices:
-            raise ParameterError(f"the parameter {self.name} must be one of {', '.join(self.choices)}, got {value!r}")
-        if self.minimum is not None and self.maximum is not None and not self.minimum <= converted <= self.maximum:
-            raise ParameterError(
-                f"the parameter {self.name} must be within {self.minimum:g} and {self.maximum:g}, got {value!r}"
-            )
+        choices, minimum, maximum = self.info.choices, self.info.minimum, self.info.maximum
+        if choices and converted not in choices:
+            raise ParameterError(f"the parameter {self.name} must be one of {', '.join(choices)}, got {value!r}")
+        if minimum is not None and maximum is not None and not minimum <= converted <= maximum:
+            raise ParameterError(f"the parameter {self.name} must be within {minimum:g} and {maximum:g}, got {value!r}")
         return converted
 
 
 @functools.cache
-def _field_type(path: str) -> Any:
-    """The type of a field of `NodeConfig`; reading annotations takes a millisecond a class."""
+def _field(path: str) -> tuple[Any, SettingInfo, Any]:
+    """Default, description and type of a field of `NodeConfig`; reading annotations takes a millisecond a class."""
     *owners, name = path.split(".")
-    owner: Any = NodeConfig
-    for step in owners:
-        owner = typing.get_type_hints(owner)[step]
-    return typing.get_type_hints(owner)[name]
+    owner: Any = functools.reduce(getattr, owners, NodeConfig())
+    return getattr(owner, name), setting_info(owner, name), typing.get_type_hints(type(owner))[name]
 
 
 def _integer(value: Any) -> int | None:

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.fuzz import Fuzz
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
-from radcam_depth_ros.frame_builder import frame_builder
+from radcam_depth_ros.frame_builder import builder
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def test_a_defect_is_told_with_how_to_repeat_it(estimator: Estimator, monkeypatc
     def fail(*_: Any) -> None:
         raise ZeroDivisionError("oh")
 
-    monkeypatch.setattr(frame_builder, "decode_radar", fail)
+    monkeypatch.setattr(builder, "decode_radar", fail)
     defects = fuzz.run(50).defects
     assert defects[0].problem == "ZeroDivisionError: oh"
     assert defects[0].repeat == f"python -m benchmarks.fuzz --seed 20 --first {defects[0].number} --messages 1"

@@ -22,7 +22,7 @@ from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilderConfig
 
 ROOT = Path(__file__).parents[2]
-NODE_YAML = ROOT / "config" / "node.yaml"
+NODE_YAML = ROOT / "config" / "node_all.yaml"
 POSE = [float(value) for value in (*CAMERA_FROM_RADAR.translation, *CAMERA_FROM_RADAR.quaternion)]
 VERBS = {
     "replay": ("out.mcap", "--model", "no_such_file.pt"),

@@ -15,7 +15,7 @@ from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.node.parameters import TYPES, Parameters, describe
 from radcam_depth_ros.parameters import PARAMETERS, NodeConfig, ParameterError, ParameterKind, ParameterSpec
 
-NODE_YAML = Path(__file__).parents[2] / "config" / "node.yaml"
+NODE_YAML = Path(__file__).parents[2] / "config" / "node_all.yaml"
 BY_NAME = {spec.name: spec for spec in PARAMETERS}
 
 
@@ -39,11 +39,11 @@ def test_each_field_has_one_parameter() -> None:
 
 @pytest.mark.parametrize("spec", PARAMETERS, ids=lambda spec: spec.name)
 def test_each_parameter_is_described_and_its_default_is_allowed(spec: ParameterSpec) -> None:
-    assert spec.description.endswith(".")
+    assert spec.info.description.endswith(".")
     assert spec.convert(plain(spec.default)) == spec.default
     descriptor = describe(spec)
-    assert descriptor.description == spec.description
-    assert bool(descriptor.additional_constraints) == bool(spec.choices)
+    assert descriptor.description == spec.info.description
+    assert bool(descriptor.additional_constraints) == bool(spec.info.choices)
     if spec.kind in (ParameterKind.DOUBLE, ParameterKind.INTEGER):
         assert descriptor.floating_point_range or descriptor.integer_range
 
@@ -183,7 +183,7 @@ ADJUSTABLE = {
 
 
 def test_while_they_are_frozen_only_what_is_adjustable_changes_and_who_uses_it_is_told(context: Any) -> None:
-    assert {spec.name for spec in PARAMETERS if spec.is_adjustable} == ADJUSTABLE.keys()
+    assert {spec.name for spec in PARAMETERS if spec.info.is_live} == ADJUSTABLE.keys()
     told: list[tuple[str, ...]] = []
     node = Node("radcam_depth", context=context)
     parameters = Parameters(node, told.append)

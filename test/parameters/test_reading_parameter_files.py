@@ -24,13 +24,15 @@ def read(tmp_path: Path) -> Read:
     return read
 
 
-@pytest.mark.parametrize("path", [CONFIG / "node.yaml", *sorted((CONFIG / "sensors").glob("*.yaml"))], ids=str)
+@pytest.mark.parametrize(
+    "path", [*sorted(CONFIG.glob("node*.yaml")), *sorted((CONFIG / "sensors").glob("*.yaml"))], ids=str
+)
 def test_the_shipped_files_are_read(path: Path) -> None:
     file = read_parameter_file(path)
     (section,) = yaml.safe_load(path.read_text(encoding="utf-8")).values()
     assert {*file.values, *file.node_only} == section["ros__parameters"].keys()
-    assert (build_config(file.values) == NodeConfig()) == (path.name == "node.yaml")
-    assert file.node_only == (("autostart",) if path.name == "node.yaml" else ())
+    assert (build_config(file.values) == NodeConfig()) == (path.parent == CONFIG)
+    assert file.node_only == (("autostart",) if path.name == "node_all.yaml" else ())
 
 
 @pytest.mark.parametrize(
@@ -72,7 +74,7 @@ def test_what_a_running_node_alone_needs_is_set_apart(read: Read) -> None:
     ("text", "tokens"),
     [
         ("/**: {ros__parameters: {radar_topcs: [/r]}}", ("radar_topcs", "did you mean radar_topics?")),
-        ("/**: {ros__parameters: {threads: 2, colour: red}}", ("colour", "config/node.yaml")),
+        ("/**: {ros__parameters: {threads: 2, colour: red}}", ("colour", "config/node_all.yaml")),
         ("/**: {ros__parameters: {voxel_size: 2, max_z: 1}}", ("voxel_size, max_z", "another package")),
         ("ekf: {ros__parameters: {threads: 2}}", ("/ekf", "radcam_depth or /**")),
         ("{a: {ros__parameters: {}}, b: {c: {ros__parameters: {}}}}", ("/a, /b/c", "radcam_depth or /**")),

@@ -1,0 +1,227 @@
+"""Writes the pages and files that follow from the package's tables: `make generate`, or `--check` to compare alone.
+
+Parameters come from `parameters.SECTIONS` and the texts beside the config's fields, outputs from `encoder.OUTPUTS`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+from radcam_depth_ros.encoder import OUTPUTS, Output
+from radcam_depth_ros.parameters import PARAMETERS, SECTIONS, ParameterSpec
+
+ROOT = Path(__file__).parents[1]
+BY_NAME = {spec.name: spec for spec in PARAMETERS}
+BASIC = (
+    "image_topic",
+    "image_transport",
+    "camera_info_topic",
+    "radar_topics",
+    "camera_from_radar",
+    "camera_height_m",
+    "radar_time_offset_s",
+    "depth_encoding",
+    "network",
+    "model_file",
+    "device",
+)
+"""What most users set."""
+LINE = 120
+BY = "by scripts/generate_pages.py"
+BASIC_HEAD = """\
+# Parameters of the node radcam_depth that most users set, with their defaults; config/node_all.yaml has all of them.
+# Copy this file, keep the lines that differ on your vehicle, and start the node with it:
+#   ros2 launch radcam_depth_ros depth.launch.py params_file:=my_vehicle.yaml
+# replay, evaluate, train, view and check-calibration of radcam-depth take the same file by --params.
+"""
+ALL_HEAD = """\
+# All parameters of the node radcam_depth with their defaults; config/node.yaml has those that most users set.
+# All but autostart can be set while the node is not active (ros2 param set): configure and activate read them, the
+# network too. Those with [live] can be set while it is active as well, and count from the next image on.
+"""
+SECTION = """\
+# /** fits the node in any namespace and under any name.
+/**:
+  ros__parameters:
+"""
+QUALITY = """\
+    # --- Quality of service
+    # Inputs are best effort and volatile, outputs reliable with depth 1. Each topic has overrides, by its full name:
+    #   qos_overrides./image.subscription.reliability: reliable       # best_effort, reliable
+    #   qos_overrides./image.subscription.depth: 5
+    #   qos_overrides./camera_info.subscription.durability: transient_local
+    #   qos_overrides./depth/image_rect.publisher.reliability: best_effort
+"""
+PAGE_HEAD = """\
+# Parameters
+
+All parameters of the node `radcam_depth`. [config/node.yaml](../config/node.yaml) has those that most users set,
+[config/node_all.yaml](../config/node_all.yaml) all of them. `replay`, `evaluate`, `train`, `view` and
+`check-calibration` of `radcam-depth` take the same file by `--params`.
+
+Live parameters can be set while the node is active and count from the next image on. All others can be set while it is
+not active, except `autostart`, which counts at the start alone.
+"""
+
+
+def pages() -> dict[Path, str]:
+    """Every generated file with the text that it should have."""
+    found = {
+        ROOT / "config" / "node.yaml": _parameter_file(BASIC_HEAD, {"": BASIC}),
+        ROOT / "config" / "node_all.yaml": _parameter_file(
+            ALL_HEAD, {title: tuple(section) for title, section in SECTIONS.items()}, QUALITY
+        ),
+        ROOT / "docs" / "parameters.md": _parameter_page(),
+    }
+    for name, parts in (
+        ("README.md", {f"<!-- outputs: {BY} -->": _output_table()}),
+        (
+            "launch/depth.launch.xml",
+            {f"  <!-- outputs: {BY} -->": _xml_arguments(), f"    <!-- outputs: {BY} -->": _xml_remaps()},
+        ),
+        ("launch/depth.launch.py", {f"# Parameters, {BY}:": _launch_help("depth", with_choices=True)}),
+        ("launch/multi_camera.launch.py", {f"# Parameters, {BY}:": _launch_help("multi_camera")}),
+    ):
+        path = ROOT / name
+        text = path.read_text(encoding="utf-8")
+        for begin, part in parts.items():
+            text = _replace(text, begin, part)
+        found[path] = text
+    return found
+
+
+def _replace(text: str, begin: str, part: str) -> str:
+    """The text with what stands between a line and its counterpart replaced."""
+    indent = begin[: len(begin) - len(begin.lstrip())]
+    end = f"{indent}<!-- end -->" if "<!--" in begin else "# End."
+    before, rest = f"\n{text}".split(f"\n{begin}\n")
+    _, after = rest.split(f"{end}\n", 1)
+    return f"{before}\n{begin}\n{part}{end}\n{after}"[1:]
+
+
+def _details(spec: ParameterSpec) -> str:
+    """A parameter's description with its choices and range."""
+    info = spec.info
+    text = info.description
+    if any(choice not in text for choice in info.choices):
+        text += f" One of {', '.join(info.choices)}."
+    if info.minimum is not None and info.maximum is not None:
+        text += f" From {info.minimum:g} to {info.maximum:g}."
+    return text
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(_yaml(item) for item in value)}]"
+    return value if isinstance(value, str) and re.fullmatch(r"[a-z][\w/]*", value) else json.dumps(value)
+
+
+def _parameter_file(head: str, sections: dict[str, tuple[str, ...]], tail: str = "") -> str:
+    parts = []
+    for title, names in sections.items():
+        lines = [f"    # --- {title}"] if title else []
+        for name in names:
+            spec = BY_NAME[name]
+            text = ("[live] " if spec.info.is_live else "") + _details(spec)
+            lines += textwrap.wrap(text, LINE, initial_indent="    # ", subsequent_indent="    # ", **_WHOLE_WORDS)
+            lines.append(f"    {name}: {_yaml(spec.default)}")
+        parts.append("\n".join(lines) + "\n")
+    return f"# Written {BY}.\n{head}{SECTION}" + "\n".join((*parts, *((tail,) if tail else ())))
+
+
+_WHOLE_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
+
+
+def _parameter_page() -> str:
+    page = f"<!-- {BY} -->\n{PAGE_HEAD}"
+    for title, names in SECTIONS.items():
+        page += f"\n## {title}\n| parameter | default | live | |\n| --- | --- | --- | --- |\n"
+        for name in names:
+            spec = BY_NAME[name]
+            meaning = _details(spec).replace("<", "&lt;").replace("|", "\\|")
+            page += f"| `{name}` | `{_yaml(spec.default)}` | {'yes' if spec.info.is_live else ''} | {meaning} |\n"
+    return page
+
+
+def _conditions(output: Output) -> str:
+    """When an output is there, as sentences."""
+    networks = " Published only by networks with a class output (`structured`)." if output.needs_classes else ""
+    return networks + (" Only while subscribed." if output.is_on_demand else "")
+
+
+def _output_table() -> str:
+    rows = (
+        f"| `{output.topic}` | {output.type_name.replace('/msg/', '/')} | {output.description}{_conditions(output)} "
+        f"| {output.replayed.value} |\n"
+        for output in OUTPUTS.values()
+    )
+    return "| out | type | | in a replayed bag |\n| --- | --- | --- | --- |\n" + "".join(rows)
+
+
+def _xml_arguments() -> str:
+    return "".join(
+        f'  <arg name="output/{output.name}" default="{output.topic}" '
+        f"description={quoteattr((output.description + _conditions(output)).replace('`', ''))}/>\n"
+        for output in OUTPUTS.values()
+    )
+
+
+def _xml_remaps() -> str:
+    return "".join(
+        f'    <remap from="{output.topic}" to="$(var output/{output.name})"/>\n' for output in OUTPUTS.values()
+    )
+
+
+_EITHER = ("true", "false")
+
+
+def _launch_help(file: str, *, with_choices: bool = False) -> str:
+    """Mappings by parameter, of those that a launch file names: the description's first sentence, and the choices."""
+    text = (ROOT / "launch" / f"{file}.launch.py").read_text(encoding="utf-8").partition("\n# Parameters, ")[0]
+    specs = [spec for spec in PARAMETERS if f'"{spec.name}"' in text]
+    lines = ["HELP = {", *map(_launch_help_row, specs), "}"]
+    if with_choices:
+        given = {spec.name: _EITHER if isinstance(spec.default, bool) else spec.info.choices for spec in specs}
+        rows = {name: ("", *values) for name, values in given.items() if values}
+        lines += ["CHOICES = {", *(f"    {json.dumps(name)}: {json.dumps(row)}," for name, row in rows.items()), "}"]
+    return "\n".join(lines).replace("[", "(").replace("]", ")") + "\n"
+
+
+def _launch_help_row(spec: ParameterSpec) -> str:
+    text = spec.info.description.partition(". ")[0].removesuffix(".") + "."
+    row = f"    {json.dumps(spec.name)}: {json.dumps(text)},"
+    if len(row) <= LINE:
+        return row
+    *lines, last = textwrap.wrap(text, 80)
+    parts = "\n    ".join(json.dumps(line) for line in (*(f"{line} " for line in lines), last))
+    return f"    {json.dumps(spec.name)}: {parts},"
+
+
+def differences() -> Iterator[Path]:
+    """Generated files that are not as they should be."""
+    for path, text in pages().items():
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            yield path.relative_to(ROOT)
+
+
+def main() -> None:
+    """Writes the files, or names those that differ and ends with 1."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--check", action="store_true", help="write nothing, fail where a file is not as it should be")
+    if parser.parse_args().check:
+        old = ", ".join(map(str, differences()))
+        sys.exit(f"run make generate: {old} differ" if old else 0)
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
