@@ -43,7 +43,7 @@ def train(
     config: Annotated[
         Path | None,
         typer.Option(
-            help="Recipe; config/train/baff.yaml has its defaults. Without: the network's own, or fine_tune.yaml with "
+            help="Recipe; recipes/baff.yaml has its defaults. Without: the network's own, or fine_tune.yaml with "
             "--init."
         ),
     ] = None,
@@ -204,16 +204,14 @@ def _new_plan(
     from radcam_depth_ros.training.errors import TrainingError
     from radcam_depth_ros.training.losses.registry import Criterion
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
-    from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig, recipe_of
+    from radcam_depth_ros.training.recipe import FINE_TUNING, load, recipe_of
 
     if not bags:
         raise TrainingError("give the bags to train on: --bags FOLDER")
     if (out / RUN_FILE).exists():
         raise TrainingError(f"{out} already holds a run; give --resume to go on with it, or another --out")
-    if config is not None:
-        recipe = configuration.load(TrainingConfig, config)
-    else:
-        recipe = recipe_of(network) if sources.initial is None else FINE_TUNING
+    name = network if sources.initial is None else FINE_TUNING
+    recipe = recipe_of(name) if config is None else load(config)
     if sources.initial is not None:
         # The architecture of the weights, tau among it, but for what the recipe says.
         given = archive.load(sources.initial).card.architecture

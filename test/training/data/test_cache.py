@@ -13,11 +13,11 @@ import pytest
 from radcam_depth_ros.drive import DriveSettings, Sample
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import CanonicalCamera
+from radcam_depth_ros.training.data import cache
 from radcam_depth_ros.training.data.augmentation import crop, mirror
 from radcam_depth_ros.training.data.batches import collate
 from radcam_depth_ros.training.data.cache import CacheSettings, build_drive, cached_drives, resample_depth
 from radcam_depth_ros.training.data.samples import CachedDrive, SampleWriter
-from radcam_depth_ros.training.drives import cache
 from radcam_depth_ros.training.errors import TrainingError
 
 SETTINGS = CacheSettings(630.0, 100.0)
