@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from radcam_depth_ros.networks import CafnetOutputs
+from radcam_depth_ros.networks.cafnet import CafnetOutputs
 from radcam_depth_ros.networks.layers.patches import Patches
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from radcam_depth_ros.networks import LircdepthOutputs
+from radcam_depth_ros.networks.lircdepth import LircdepthOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError

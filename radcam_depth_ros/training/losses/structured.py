@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS, ROAD_GROUP
-from radcam_depth_ros.networks import StructuredOutputs
+from radcam_depth_ros.networks.structured import StructuredOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError

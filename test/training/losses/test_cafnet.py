@@ -9,7 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from radcam_depth_ros.networks import CafnetOutputs, Depths, DistillationFeatures
+from radcam_depth_ros.networks import Depths, DistillationFeatures
+from radcam_depth_ros.networks.cafnet import CafnetOutputs
 from radcam_depth_ros.networks.layers.patches import around
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.errors import TrainingError

@@ -9,7 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from radcam_depth_ros.networks import Depths, DistillationFeatures, LircdepthOutputs
+from radcam_depth_ros.networks import Depths, DistillationFeatures
+from radcam_depth_ros.networks.lircdepth import LircdepthOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.lircdepth import LossConfig, total_loss

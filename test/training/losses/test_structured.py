@@ -9,7 +9,8 @@ from torch import Tensor
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
-from radcam_depth_ros.networks import Depths, StructuredOutputs
+from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.networks.structured import StructuredOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
 from radcam_depth_ros.training.errors import TrainingError
