@@ -7,10 +7,10 @@ from setuptools import find_packages, setup
 PACKAGE = "radcam_depth_ros"
 
 
-def share_files(folder: str, *patterns: str) -> tuple[str, list[str]]:
-    """Copies of a folder's files under share/<package>/<folder>, where ROS tools look for them."""
+def share_files(folder: str, *patterns: str, to: str = "") -> tuple[str, list[str]]:
+    """Copies of a folder's files under share/<package>/<folder>, or <to>, where ROS tools look for them."""
     files = sorted(str(path) for pattern in patterns for path in Path(folder).glob(pattern))
-    return f"share/{PACKAGE}/{folder}", files
+    return f"share/{PACKAGE}/{to or folder}", files
 
 
 setup(
@@ -24,14 +24,14 @@ setup(
     maintainer_email="radcam-depth@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "weights/*.safetensors", "weights/*.yaml"]},
+    package_data={PACKAGE: ["py.typed", "recipes/*.yaml", "weights/*.safetensors", "weights/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         share_files("config", "*.yaml", "*.xml"),
         share_files("config/nav2", "*.yaml"),
         share_files("config/sensors", "*.yaml"),
-        share_files("config/train", "*.yaml"),
+        share_files(f"{PACKAGE}/recipes", "*.yaml", to="config/train"),
         share_files("launch", "*.launch.py", "*.launch.xml"),
         share_files("rviz", "*.rviz"),
         share_files("foxglove", "*.json"),

@@ -25,7 +25,6 @@ import numpy as np
 
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.frame import CameraModel, GroundPlane
-from radcam_depth_ros.training.data.augmentation import AugmentationConfig
 from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet, prefetch
 from radcam_depth_ros.training.data.samples import (
     FORMAT_VERSION,
@@ -34,6 +33,7 @@ from radcam_depth_ros.training.data.samples import (
     SampleWriter,
     TrainingSample,
 )
+from radcam_depth_ros.training.recipe import recipe_of
 
 FRAMES_PER_DRIVE = 10
 CROP = (320, 256)
@@ -101,7 +101,7 @@ def measure(folder: Path, batches: int) -> Figures:
     started = time.perf_counter()
     samples = SampleSet.of([CachedDrive(place) for place in sorted(folder.iterdir())])
     opened_s = time.perf_counter() - started
-    maker = BatchMaker(samples, AugmentationConfig(), 0)
+    maker = BatchMaker(samples, recipe_of("baff").augmentation, 0)
     started, cpu = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(1) as pool, closing(prefetch(maker, 0, BATCH, [CROP], pool, 3, BATCH)) as made:
         read = sum(len(batch.image) for batch in islice(made, batches))

@@ -47,6 +47,11 @@ def load(cls: type[ConfigT], path: Path | str) -> ConfigT:
     Raises:
         ConfigurationError: when the file cannot be read, is not a YAML mapping, or does not fit `cls`.
     """
+    return build(cls, read(path), str(path))
+
+
+def read(path: Path | str) -> dict[str, Any]:
+    """The mapping in a YAML file; ConfigurationError when it cannot be read, or is none."""
     try:
         mapping = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
@@ -54,7 +59,30 @@ def load(cls: type[ConfigT], path: Path | str) -> ConfigT:
         raise ConfigurationError(f"cannot read {path} as YAML: {reason}") from None
     if not isinstance(mapping, dict):
         raise ConfigurationError(f"{path} must hold a YAML mapping of settings, got {type(mapping).__name__}")
-    return build(cls, mapping, str(path))
+    return mapping
+
+
+def overlaid(base: ConfigT, mapping: Mapping[str, Any], source: str = "the configuration") -> ConfigT:
+    """A dataclass with some of its values replaced, and of those that are dataclasses some of theirs.
+
+    Args:
+        base: The dataclass, which is left as it is.
+        mapping: The other values.
+        source: What to call the mapping in errors.
+
+    Raises:
+        ConfigurationError: as `build`.
+    """
+    return build(type(base), _overlaid(base, mapping), source)
+
+
+def _overlaid(base: Any, mapping: Mapping[str, Any]) -> dict[str, Any]:
+    values = {entry.name: getattr(base, entry.name) for entry in dataclasses.fields(base)}
+    for key, value in mapping.items():
+        inner = values.get(key)
+        is_nested = dataclasses.is_dataclass(inner) and isinstance(value, Mapping)
+        values[key] = _overlaid(inner, value) if is_nested else value
+    return values
 
 
 def as_mapping(config: Any) -> dict[str, Any]:

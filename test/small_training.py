@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,8 @@ from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.distributed.normalisation import join_batch_norms
 from radcam_depth_ros.training.distributed.ranks import Ranks, joined
 from radcam_depth_ros.training.fit import Trainer, TrainingData
-from radcam_depth_ros.training.losses import registry as criterion
 from radcam_depth_ros.training.observer import StepReport, ValidationReport
-from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
+from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig, recipe_of
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,7 @@ class Miniature(Network):
     """Two convolutions, and one logit a pixel that all returns share: quick, and with all that training asks for."""
 
     config_type = MiniatureConfig
+    trained_like = "baff"
 
     def __init__(self, config: MiniatureConfig) -> None:
         super().__init__(config)
@@ -66,12 +66,14 @@ class Miniature(Network):
         return TrainOutputs(Depths(dense, dense, torch.sigmoid(confidence)), confidence, association, None, None)
 
 
-CONFIG = TrainingConfig(
+RECIPE = recipe_of("baff")
+CONFIG = replace(
+    RECIPE,
     iterations=6,
     log_every_iterations=2,
     stages=(StageConfig(0.5, ((64, 64),), 2), StageConfig(0.5, ((64, 96),), 1)),
-    optimiser=OptimiserConfig(warm_up_iterations=2),
-    validation=ValidationConfig(every_iterations=4, frames=1),
+    optimiser=replace(RECIPE.optimiser, warm_up_iterations=2),
+    validation=replace(RECIPE.validation, every_iterations=4, frames=1),
 )
 
 
@@ -137,7 +139,6 @@ def train_here(
         fit.networks.create = create_joint
     page.draw_plot = lambda plot: b"<svg/>"  # the plots of its page would take most of its time
     registry._NETWORKS["miniature"] = Miniature
-    criterion._KINDS["miniature"] = criterion._KINDS["baff"]
     torch.set_num_threads(1)
     folder.mkdir(exist_ok=True)
     watch = Lingering(config.iterations) if lingers else Watch()

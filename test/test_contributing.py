@@ -79,21 +79,21 @@ def total_loss(
     depth = masked_mean((outputs.dense - truth_m.where(known, outputs.dense)).abs(), known, ranks)
     return config.depth * depth, {"depth": depth.detach()}
 '''
-NETWORK_TEST = '''from radcam_depth_ros import networks
+NETWORK_TEST = """from radcam_depth_ros import networks
 
 
 def test_it_is_registered() -> None:
     assert "dummy" in networks.names()
-'''
+"""
 OUTPUT = '''        Output("dummy", "depth/dummy", _IMAGE, _dummy, "The confidence again."),
     )
 }
 """Every output topic, by name."""'''
-ENCODER = '''def _dummy(given: EncoderInput) -> Any:
+ENCODER = """def _dummy(given: EncoderInput) -> Any:
     return encode_confidence(given.factory, given.result.confidence, *given.stamp)
 
 
-_IMAGE, _CAMERA_INFO ='''
+_IMAGE, _CAMERA_INFO ="""
 
 
 @pytest.fixture

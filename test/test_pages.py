@@ -22,12 +22,11 @@ import typer
 import yaml
 from launch_mappings import launch_mappings, mapping_keys
 
-from radcam_depth_ros import configuration
 from radcam_depth_ros.cli import app
 from radcam_depth_ros.encoder import OUTPUTS
 from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.parameters import build_config
-from radcam_depth_ros.training.recipe import TrainingConfig
+from radcam_depth_ros.training import recipe
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTED: Any = runpy.run_path(str(ROOT / "scripts" / "documented_commands.py"))
@@ -155,7 +154,7 @@ def test_parameters_and_recipes_can_be_used(page: str, block: str) -> None:
         if isinstance(section, dict) and "ros__parameters" in section:
             assert build_config(section["ros__parameters"])
             return
-    assert configuration.build(TrainingConfig, values, page)
+    assert recipe.build(values, page)
 
 
 @pytest.mark.parametrize("page", TEXTS)

@@ -214,7 +214,7 @@ def _new_plan(asked: _Request) -> RunPlan:
     from radcam_depth_ros.training.errors import TrainingError
     from radcam_depth_ros.training.losses.registry import Criterion
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
-    from radcam_depth_ros.training.recipe import FINE_TUNING, TrainingConfig, recipe_of
+    from radcam_depth_ros.training.recipe import FINE_TUNING, load, recipe_of
 
     out, sources = asked.out, asked.sources
     node = node_parameters(asked.params, {"network": asked.network}, unused=(*OUTPUT, *INFERENCE))
@@ -223,10 +223,8 @@ def _new_plan(asked: _Request) -> RunPlan:
         raise TrainingError("give the bags to train on: --bags FOLDER")
     if (out / RUN_FILE).exists():
         raise TrainingError(f"{out} already holds a run; give --resume to go on with it, or another --out")
-    if asked.recipe is not None:
-        recipe = configuration.load(TrainingConfig, asked.recipe)
-    else:
-        recipe = recipe_of(network) if sources.initial is None else FINE_TUNING
+    name = network if sources.initial is None else FINE_TUNING
+    recipe = recipe_of(name) if asked.recipe is None else load(asked.recipe)
     if sources.initial is not None:
         # The architecture of the weights, tau among it, but for what the recipe says.
         given = archive.load(sources.initial).card.architecture

@@ -93,6 +93,7 @@ class Network(nn.Module):
             one name are one stage together; paths that an architecture lacks, or has an `Identity` at, are left out.
         backbones: Names of the submodules that take the weights of public checkpoints.
         adjustable: Names of the config's values that no weight depends on: they may be changed after training.
+        trained_like: Name of the network whose losses and recipe it is trained by; empty for its own.
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
         paper_network: Name of the network that is this form, with the values of `paper`; empty for the network itself.
     """
@@ -103,6 +104,7 @@ class Network(nn.Module):
     stages: ClassVar[tuple[tuple[str, str], ...]] = ()
     backbones: ClassVar[tuple[str, ...]] = ()
     adjustable: ClassVar[tuple[str, ...]] = ()
+    trained_like: ClassVar[str] = ""
     paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     paper_network: ClassVar[str] = ""
 

@@ -35,6 +35,12 @@ def find(name: str) -> type[Network]:
     return _NETWORKS[name]
 
 
+def trained_as(name: str) -> str:
+    """Name of the losses and the recipe that a network is trained by: its own, unless its class names others."""
+    network = _NETWORKS.get(name)
+    return network.trained_like or name if network else name
+
+
 def create_config(name: str, architecture: Mapping[str, Any] | None = None) -> Any:
     """Builds the config of a network, checked.
 

@@ -12,6 +12,7 @@ from radcam_depth_ros.drive import DriveSettings, TopicChoice
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.frame_builder import FrameBuilderConfig
 from radcam_depth_ros.pairing import PairingConfig
+from radcam_depth_ros.training import recipe
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.initial import Sources
 from radcam_depth_ros.training.recipe import TrainingConfig
@@ -81,4 +82,8 @@ class RunPlan:
             raise TrainingError(
                 f"{folder} holds no run to resume: {path} is missing; leave --resume out to start a run"
             )
-        return configuration.load(cls, path)
+        values = configuration.read(path)
+        given = values.get("config")
+        # A run of an earlier version may lack values that recipes have now.
+        config = recipe.build(given, str(path)) if isinstance(given, dict) else given
+        return configuration.build(cls, {**values, "config": config} if "config" in values else values, str(path))

@@ -1,12 +1,16 @@
-"""How a network is trained: everything but its architecture's defaults and the data."""
+"""Recipes of training: everything but the data and the architecture's defaults. Their values are in `recipes`."""
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+from radcam_depth_ros import configuration, recipes
+from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig
 from radcam_depth_ros.training.data.rehearsal import RehearsalConfig
 from radcam_depth_ros.training.errors import TrainingError
@@ -55,14 +59,14 @@ class OptimiserConfig:
         part_rates: Factors of the learning rate for parts of the network; 1 for those left out.
     """
 
-    learning_rate: float = 1e-3
-    schedule: str = "cosine"
-    final_share: float = 0.02
-    warm_up_iterations: int = 100
-    weight_decay: float = 1e-4
-    clip_norm: float = 20.0
-    average_decay: float = 0.995
-    part_rates: Mapping[str, float] = field(default_factory=dict)
+    learning_rate: float
+    schedule: str
+    final_share: float
+    warm_up_iterations: int
+    weight_decay: float
+    clip_norm: float
+    average_decay: float
+    part_rates: Mapping[str, float]
 
     def __post_init__(self) -> None:
         if self.schedule not in ("cosine", "step"):
@@ -96,10 +100,10 @@ class ValidationConfig:
         patience: Validations in a row without a better score, after which a training ends; 0 for never.
     """
 
-    every_iterations: int = 1000
-    frames: int = 40
-    hold_out: float = 0.1
-    patience: int = 0
+    every_iterations: int
+    frames: int
+    hold_out: float
+    patience: int
 
     def __post_init__(self) -> None:
         if self.every_iterations < 1 or self.frames < 1 or not 0 < self.hold_out < 1 or self.patience < 0:
@@ -137,26 +141,26 @@ class TrainingConfig:
         initial_share: Share of the initial weights in those that are validated and shipped (WiSE-FT).
     """
 
-    architecture: Mapping[str, Any] = field(default_factory=dict)
-    iterations: int = 40_000
-    minutes: float | None = None
-    seed: int = 0
-    precision: str = "auto"
-    device: str = "cpu"
-    threads: int = 2
-    loader_threads: int = 1
-    log_every_iterations: int = 50
-    checkpoint_every_minutes: float = 5.0
-    tensorboard: bool = False
-    stages: tuple[StageConfig, ...] = (StageConfig(1.0, ((320, 256), (224, 384)), 4),)
-    optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
-    loss: Mapping[str, Any] = field(default_factory=dict)
-    distillation: DistillationConfig = field(default_factory=DistillationConfig)
-    augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
-    validation: ValidationConfig = field(default_factory=ValidationConfig)
-    rehearsal: RehearsalConfig = field(default_factory=RehearsalConfig)
-    freeze_statistics: bool = False
-    initial_share: float = 0.0
+    architecture: Mapping[str, Any]
+    iterations: int
+    minutes: float | None
+    seed: int
+    precision: str
+    device: str
+    threads: int
+    loader_threads: int
+    log_every_iterations: int
+    checkpoint_every_minutes: float
+    tensorboard: bool
+    stages: tuple[StageConfig, ...]
+    optimiser: OptimiserConfig
+    loss: Mapping[str, Any]
+    distillation: DistillationConfig
+    augmentation: AugmentationConfig
+    validation: ValidationConfig
+    rehearsal: RehearsalConfig
+    freeze_statistics: bool
+    initial_share: float
 
     def __post_init__(self) -> None:
         if not self.stages or abs(sum(stage.share for stage in self.stages) - 1) > 1e-6:
@@ -186,27 +190,37 @@ class TrainingConfig:
         return self.stages[-1]
 
 
-FINE_TUNING = TrainingConfig(
-    iterations=2000,
-    minutes=22.0,
-    log_every_iterations=25,
-    stages=(StageConfig(1.0, ((320, 352), (224, 512)), 4),),
-    optimiser=OptimiserConfig(learning_rate=6e-4, part_rates={"encoder": 0.5}),
-    validation=ValidationConfig(every_iterations=200),
-    rehearsal=RehearsalConfig(share=0.5),
-    freeze_statistics=True,
-)
-"""The recipe for weights that are trained already: gently, briefly, and rehearsing simulated drives."""
-
-_AT_315_PX = (StageConfig(1.0, ((192, 192), (160, 256)), 4),)
-_RECIPES: dict[str, TrainingConfig] = {
-    "cafnet": TrainingConfig(stages=_AT_315_PX, optimiser=OptimiserConfig(learning_rate=5e-4)),
-    "lircdepth": TrainingConfig(stages=_AT_315_PX),
-    "structured": TrainingConfig(stages=_AT_315_PX),
-}
-"""By network, where its recipe differs from that of `baff`, which is the default."""
+FINE_TUNING = "fine_tune"
+"""Name of the recipe for weights that are trained already: gently, briefly, and rehearsing simulated drives."""
 
 
-def recipe_of(network: str) -> TrainingConfig:
-    """How a network is trained from nothing, if nothing else is said; `config/train/<network>.yaml`."""
-    return _RECIPES.get(network, TrainingConfig())
+def recipe_of(name: str) -> TrainingConfig:
+    """A recipe that comes with the package: a network's, by its name, or `FINE_TUNING`."""
+    path = recipes.shipped(registry.trained_as(name))
+    return build({} if path is None else {**configuration.read(path), "loss": {}}, str(path))
+
+
+def load(path: Path) -> TrainingConfig:
+    """Reads a recipe from a file that says what differs from `baff.yaml`; ConfigurationError where it does not fit."""
+    return build(configuration.read(path), str(path))
+
+
+def build(values: Mapping[str, Any], source: str = "the recipe") -> TrainingConfig:
+    """The recipe of `baff`, without its architecture and losses, with some values replaced.
+
+    Args:
+        values: What differs.
+        source: What to call them in errors.
+
+    Raises:
+        ConfigurationError: for an unknown key, or a value of the wrong type.
+        TrainingError: for values that do not fit together.
+    """
+    return configuration.overlaid(_defaults(), values, source)
+
+
+@functools.cache
+def _defaults() -> TrainingConfig:
+    path = recipes.shipped("baff")
+    assert path is not None
+    return replace(configuration.load(TrainingConfig, path), loss={})

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from small_training import RECIPE
 from typer.testing import CliRunner
 
 from experiments import ablation, short_training
@@ -19,7 +20,7 @@ from experiments.ablation import COLUMNS, ERRORS, relative, time_associations
 from experiments.forms import EMBEDDING, FORMS, NONE, REGIONS, SEG, forms_of
 from experiments.short_training import Budget, ShortTraining
 from experiments.thinned_bags import thinned_bags
-from radcam_depth_ros import configuration, networks
+from radcam_depth_ros import networks
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.cli import app
 from radcam_depth_ros.drive import read_samples
@@ -27,13 +28,13 @@ from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.fit import CHECKPOINT, METRICS
 from radcam_depth_ros.training.losses.registry import Criterion
-from radcam_depth_ros.training.recipe import TrainingConfig
+from radcam_depth_ros.training.recipe import build, load
 
 
 @pytest.mark.parametrize("name", FORMS)
 def test_each_form_has_a_recipe_and_one_to_be_held_against(name: str) -> None:
     form = FORMS[name]
-    recipe = configuration.build(TrainingConfig, form.recipe, name)
+    recipe = build(form.recipe, name)
     assert Criterion.of(form.network, recipe.loss)
     assert registry.create_config(form.network, form.architecture)
     reference = FORMS[form.against]
@@ -45,9 +46,9 @@ def test_each_term_of_the_distillation_is_taught_alone() -> None:
     terms = ("image", "radar", "decoder", "inter_depth")
     for term in terms:
         recipe = FORMS[f"taught: {term.replace('_', '-')}"].recipe
-        config = configuration.build(TrainingConfig, recipe, term).distillation
+        config = build(recipe, term).distillation
         assert [name for name in terms if getattr(config, name) > 0] == [term]
-    assert configuration.build(TrainingConfig, FORMS["taught"].recipe, "all") == TrainingConfig()
+    assert build(FORMS["taught"].recipe, "all") == RECIPE
 
 
 @pytest.mark.parametrize("name", forms_of("baff"))
@@ -99,7 +100,7 @@ def test_a_training_is_done_once(tmp_path: Path, started: list[list[str]]) -> No
     (command,) = started
     assert [command[index + 1] for index, word in enumerate(command) if word == "--bags"] == ["a", "b"]
     assert "--resume" not in command
-    recipe = configuration.load(TrainingConfig, Path(command[command.index("--config") + 1]))
+    recipe = load(Path(command[command.index("--config") + 1]))
     assert (recipe.iterations, recipe.stages[0].batch, recipe.architecture) == (20, 4, {"bidirectional": False})
     with pytest.raises(SystemExit, match="trained by another recipe"):
         make_training(tmp_path / "run", iterations=30).run()

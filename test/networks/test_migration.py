@@ -39,19 +39,21 @@ OLD_PAPER = {
 }
 
 
-def save(folder: Path, name: str, architecture: dict[str, object], **old: object) -> Path:
-    """Weights with a card as an earlier version wrote it: of `old`'s name and architecture."""
+def save(folder: Path, name: str, architecture: dict[str, object], old_name: str, old: dict[str, object]) -> Path:
+    """Weights with a card as an earlier version wrote it."""
     torch.manual_seed(0)
     network = networks.create(name, architecture)
     path = folder / f"{name}.safetensors"
     card = archive.save(network, Card.of(network, name, "nothing"), path)
-    path.with_suffix(".yaml").write_text(yaml.safe_dump(configuration.as_mapping(replace(card, **old))))
+    path.with_suffix(".yaml").write_text(
+        yaml.safe_dump(configuration.as_mapping(replace(card, network=old_name, architecture=old)))
+    )
     return path
 
 
 def test_a_card_of_the_papers_form_is_read_as_its_network(tmp_path: Path) -> None:
     own = {"region_width_px": 64, "radar_map_size": [4, 5], "bidirectional": False}
-    path = save(tmp_path, "baff_paper", own, network="baff", architecture=OLD_PAPER)
+    path = save(tmp_path, "baff_paper", own, "baff", OLD_PAPER)
     with pytest.warns(ArchitectureWarning, match="baff with fusion: paper is the network baff_paper now"):
         loaded = archive.load(path)
     assert loaded.card.network == "baff_paper"
@@ -60,7 +62,7 @@ def test_a_card_of_the_papers_form_is_read_as_its_network(tmp_path: Path) -> Non
 
 def test_a_card_with_old_keys_is_read(tmp_path: Path) -> None:
     old = {"fusion": "quarter", "considered": 5}
-    path = save(tmp_path, "baseline", {"returns_per_cell": 5}, architecture=old)
+    path = save(tmp_path, "baseline", {"returns_per_cell": 5}, "baseline", old)
     with pytest.warns(ArchitectureWarning, match="considered is called returns_per_cell now"):
         loaded = archive.load(path)
     assert loaded.network.config == registry.create_config("baseline", {"returns_per_cell": 5})

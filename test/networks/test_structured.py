@@ -9,10 +9,11 @@ from torch.nn import functional
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
-from radcam_depth_ros.networks import ArchitectureError, Structured
+from radcam_depth_ros.networks import ArchitectureError
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane
 from radcam_depth_ros.networks.layers.sparse import SparseConv
 from radcam_depth_ros.networks.layers.up_projection import UpDecoder, UpProjection
+from radcam_depth_ros.networks.structured import Structured
 from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.networks.weights_io.folding import folded
 

@@ -3,35 +3,32 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from small_training import CONFIG, Miniature, Watch, data_of
+from small_training import CONFIG, RECIPE, Miniature, Watch, data_of
 from torch import Tensor
 
 from radcam_depth_ros.networks import TrainOutputs, registry
 from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.curves import read_metrics
-from radcam_depth_ros.training.data.augmentation import AugmentationConfig
-from radcam_depth_ros.training.data.rehearsal import RehearsalConfig
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.initial import Sources
-from radcam_depth_ros.training.losses import registry as criterion
-from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
+from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
 from radcam_depth_ros.training.validation import ValidationResult
 
 
 @pytest.fixture(autouse=True)
 def _with_miniature(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(registry._NETWORKS, "miniature", Miniature)
-    monkeypatch.setitem(criterion._KINDS, "miniature", criterion._KINDS["baff"])
 
 
 @pytest.fixture
@@ -98,14 +95,15 @@ def test_a_run_writes_weights_metrics_and_curves(tmp_path: Path, data: TrainingD
 
 
 def test_a_few_samples_are_learned_by_heart(tmp_path: Path, data: TrainingData) -> None:
-    plain = AugmentationConfig(mirror=0.0)
-    config = TrainingConfig(
+    plain = replace(RECIPE.augmentation, mirror=0.0)
+    config = replace(
+        RECIPE,
         iterations=60,
         log_every_iterations=5,
         stages=(StageConfig(1.0, ((64, 128),), 2),),
-        optimiser=OptimiserConfig(learning_rate=1e-2, warm_up_iterations=3, average_decay=0.5),
+        optimiser=replace(RECIPE.optimiser, learning_rate=1e-2, warm_up_iterations=3, average_decay=0.5),
         augmentation=plain,
-        validation=ValidationConfig(every_iterations=100, frames=1),
+        validation=replace(RECIPE.validation, every_iterations=100, frames=1),
     )
     run(data, tmp_path / "run", config)
     losses = [float(str(line["total"])) for line in metrics(tmp_path / "run") if line["kind"] == "train"]
@@ -240,9 +238,9 @@ def test_a_run_ends_when_nothing_gets_better(tmp_path: Path, data: TrainingData)
         CONFIG,
         iterations=100,
         # Weights that move nowhere.
-        optimiser=OptimiserConfig(learning_rate=1e-12, average_decay=0.0),
+        optimiser=replace(RECIPE.optimiser, learning_rate=1e-12, average_decay=0.0),
         freeze_statistics=True,
-        validation=ValidationConfig(every_iterations=2, frames=1, patience=2),
+        validation=replace(RECIPE.validation, every_iterations=2, frames=1, patience=2),
     )
     result, _, watch = run(data, tmp_path / "run", config)
     assert result.finished
@@ -262,7 +260,9 @@ def test_weights_that_have_forgotten_too_much_are_not_kept(
     monkeypatch.setattr(fit, "validate", lambda *_: ValidationResult(*[1.0] * 2, next(errors), *[1.0] * 4))
     data = dataclasses.replace(data, rehearsal=data.train, rehearsal_validation=data.validation)
     config = dataclasses.replace(
-        CONFIG, validation=ValidationConfig(every_iterations=2), rehearsal=RehearsalConfig(share=0.5, tolerance=0.15)
+        CONFIG,
+        validation=replace(RECIPE.validation, every_iterations=2),
+        rehearsal=replace(RECIPE.rehearsal, share=0.5, tolerance=0.15),
     )
     result, _, _ = run(data, tmp_path / "second", config, initial=first.archive)
     assert (result.state.best_score, result.state.best_step) == (1.5, 4)
@@ -273,7 +273,7 @@ def test_shipped_weights_keep_a_share_of_the_initial_ones(tmp_path: Path, data: 
     assert first.archive is not None
     initial = archive.load(first.archive).network.state_dict()
     config = dataclasses.replace(
-        CONFIG, initial_share=0.75, optimiser=OptimiserConfig(learning_rate=0.05, average_decay=0.0)
+        CONFIG, initial_share=0.75, optimiser=replace(RECIPE.optimiser, learning_rate=0.05, average_decay=0.0)
     )
     stopped, _, _ = run(data, tmp_path / "second", config, initial=first.archive, stop_after=3)
     result, trainer, _ = run(data, tmp_path / "second", config, initial=first.archive, resume=True)

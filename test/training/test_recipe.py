@@ -1,62 +1,69 @@
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from small_training import RECIPE
 
-from radcam_depth_ros import configuration
+from radcam_depth_ros import configuration, recipes
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.recipe import FINE_TUNING, OptimiserConfig, StageConfig, TrainingConfig, recipe_of
+from radcam_depth_ros.training.recipe import FINE_TUNING, StageConfig, TrainingConfig, build, load, recipe_of
 
-RECIPES = sorted((Path(__file__).parents[2] / "config" / "train").glob("*.yaml"))
+NAMES = [*(name for name in registry.names() if registry.trained_as(name) == name), FINE_TUNING]
 
 
-@pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
-def test_shipped_recipes_fit_their_networks(path: Path) -> None:
-    recipe = configuration.load(TrainingConfig, path)
-    network = "baff" if path.stem == "fine_tune" else path.stem
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_recipes_fit_their_networks(name: str) -> None:
+    recipe = recipe_of(name)
+    network = "baff" if name == FINE_TUNING else name
     assert registry.create_config(network, recipe.architecture)
     assert Criterion.of(network, recipe.loss)
 
 
-def test_the_shipped_recipe_of_baff_is_the_default() -> None:
-    recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == "baff"))
-    known = dataclasses.replace(recipe, loss={})
-    assert configuration.as_mapping(known) == configuration.as_mapping(TrainingConfig())
-    assert Criterion.of("baff", recipe.loss) == Criterion.of("baff", {})
+def test_the_recipe_of_baff_has_every_value_once() -> None:
+    path = recipes.shipped("baff")
+    assert path is not None
+    values = configuration.read(path)
+    assert configuration.as_mapping(build({})) == configuration.as_mapping(
+        configuration.build(TrainingConfig, {**values, "loss": {}})
+    )
 
 
-@pytest.mark.parametrize("network", ["cafnet", "lircdepth", "structured"])
-def test_the_shipped_recipes_of_other_networks_are_theirs_by_name(network: str) -> None:
-    recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == network))
-    assert recipe == recipe_of(network)
+def test_a_recipe_says_what_differs(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("optimiser: {learning_rate: 0.5}\nrehearsal: {simulation: {}}")
+    recipe = load(path)
+    assert recipe.optimiser == replace(RECIPE.optimiser, learning_rate=0.5)
+    assert recipe.rehearsal == replace(RECIPE.rehearsal, simulation={})
+    assert replace(recipe, optimiser=RECIPE.optimiser, rehearsal=RECIPE.rehearsal) == RECIPE
 
 
-def test_the_shipped_recipe_of_fine_tuning_is_that_of_initial_weights() -> None:
-    recipe = configuration.load(TrainingConfig, next(path for path in RECIPES if path.stem == "fine_tune"))
-    assert recipe == FINE_TUNING
+def test_networks_have_recipes_of_their_own() -> None:
+    assert recipe_of("cafnet").optimiser.learning_rate == 5e-4
+    assert recipe_of("baff_paper") == recipe_of("baseline") == recipe_of("baff") == RECIPE
+    assert recipe_of(FINE_TUNING).rehearsal.share == 0.5
 
 
 def test_what_is_measured_of_the_precision_is_kept() -> None:
-    assert TrainingConfig(precision="bfloat16").with_chosen_precision().precision == "bfloat16"
-    assert TrainingConfig().with_chosen_precision().precision in ("float32", "bfloat16")
+    assert replace(RECIPE, precision="bfloat16").with_chosen_precision().precision == "bfloat16"
+    assert RECIPE.with_chosen_precision().precision in ("float32", "bfloat16")
 
 
 def test_stages_follow_one_another() -> None:
-    config = TrainingConfig(stages=(StageConfig(0.7, ((32, 64),), 4), StageConfig(0.3, ((64, 96),), 2)))
+    config = replace(RECIPE, stages=(StageConfig(0.7, ((32, 64),), 4), StageConfig(0.3, ((64, 96),), 2)))
     assert [config.stage(progress).batch for progress in (0.0, 0.69, 0.71, 1.0)] == [4, 4, 2, 2]
 
 
 def test_learning_rates() -> None:
-    cosine = OptimiserConfig(1e-3, "cosine", final_share=0.1, warm_up_iterations=10)
+    cosine = replace(RECIPE.optimiser, learning_rate=1e-3, schedule="cosine", final_share=0.1, warm_up_iterations=10)
     assert cosine.rate(0, 0.0) == pytest.approx(1e-4)
     assert cosine.rate(100, 0.5) == pytest.approx(1e-3 * 0.55)
     assert cosine.rate(1000, 1.0) == pytest.approx(1e-4)
-    step = OptimiserConfig(2e-4, "step", warm_up_iterations=0)
+    step = replace(RECIPE.optimiser, learning_rate=2e-4, schedule="step", warm_up_iterations=0)
     assert [step.rate(9, progress) for progress in (0.5, 0.9)] == pytest.approx([2e-4, 1e-4])
 
 
@@ -84,12 +91,12 @@ def test_learning_rates() -> None:
 )
 def test_wrong_recipes_are_refused(wrong: dict[str, object], message: str) -> None:
     with pytest.raises(TrainingError, match=message):
-        configuration.build(TrainingConfig, wrong)
+        build(wrong)
 
 
 def test_an_unknown_key_is_told_with_its_neighbour() -> None:
     with pytest.raises(configuration.ConfigurationError, match="learning_rate"):
-        configuration.build(TrainingConfig, {"optimiser": {"learnin_rate": 1e-3}})
+        build({"optimiser": {"learnin_rate": 1e-3}})
 
 
 def test_a_device_that_is_not_there_is_refused() -> None:

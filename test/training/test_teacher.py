@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from small_training import RECIPE
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks import Network
@@ -14,7 +15,6 @@ from radcam_depth_ros.training.data.batches import Batch, collate
 from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.distillation import DistillationConfig
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.teacher import Teacher
 
@@ -41,7 +41,7 @@ def batch(drive: CachedDrive) -> Batch:
 
 
 def test_the_student_learns_and_the_teacher_stays(tmp_path: Path, student: Network, batch: Batch) -> None:
-    teacher = Teacher(save(tmp_path, "lircdepth"), student, DistillationConfig(), PRECISION)
+    teacher = Teacher(save(tmp_path, "lircdepth"), student, RECIPE.distillation, PRECISION)
     before = {name: value.clone() for name, value in teacher._network.state_dict().items()}
     outputs = student.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
     total, parts = teacher.loss(outputs, "lircdepth", batch, Ranks())
@@ -57,11 +57,11 @@ def test_the_student_learns_and_the_teacher_stays(tmp_path: Path, student: Netwo
 def test_a_teacher_that_sees_otherwise_is_refused(tmp_path: Path, student: Network) -> None:
     path = save(tmp_path, "lircdepth", focal_length_px=630.0)
     with pytest.raises(TrainingError, match=r"trained at focal_length_px 630, the student is at 315; set architecture"):
-        Teacher(path, student, DistillationConfig(), PRECISION)
+        Teacher(path, student, RECIPE.distillation, PRECISION)
 
 
 def test_networks_that_tell_nothing_of_themselves_cannot_teach(tmp_path: Path, student: Network, batch: Batch) -> None:
-    teacher = Teacher(save(tmp_path, "baff", focal_length_px=315.0), student, DistillationConfig(), PRECISION)
+    teacher = Teacher(save(tmp_path, "baff", focal_length_px=315.0), student, RECIPE.distillation, PRECISION)
     outputs = student.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
     with pytest.raises(TrainingError, match="baff can neither teach nor learn by distillation"):
         teacher.loss(outputs, "lircdepth", batch, Ranks())
@@ -71,4 +71,4 @@ def test_an_export_cannot_teach(tmp_path: Path, student: Network) -> None:
     path = tmp_path / "baff.pt"
     archive.export(archive.load(save(tmp_path, "baff")), path)
     with pytest.raises(TrainingError, match=r"an export cannot teach; give the .safetensors file"):
-        Teacher(path, student, DistillationConfig(), PRECISION)
+        Teacher(path, student, RECIPE.distillation, PRECISION)

@@ -16,7 +16,7 @@ from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.data import cache, rehearsal
 from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.plan import RunPlan
-from radcam_depth_ros.training.recipe import FINE_TUNING
+from radcam_depth_ros.training.recipe import FINE_TUNING, recipe_of
 
 RECIPE = {
     "iterations": 2,
@@ -94,8 +94,8 @@ def test_weights_alone_bring_the_recipe_of_fine_tuning(
     monkeypatch.setattr(cache, "read_samples", lambda path, *settings: frames(1, 2))
     run, bags = tmp_path / "run", make_bags(1)
     invoke("--bags", *bags, "--init", "baff", "--out", run, "--processes", 1, "--iterations", 1)
-    assert RunPlan.read(run).config.rehearsal.share == FINE_TUNING.rehearsal.share
-    assert len(list((run / "cache" / "rehearsal").rglob("seed_*.mcap"))) == FINE_TUNING.rehearsal.drives
+    assert RunPlan.read(run).config.rehearsal.share == recipe_of(FINE_TUNING).rehearsal.share
+    assert len(list((run / "cache" / "rehearsal").rglob("seed_*.mcap"))) == recipe_of(FINE_TUNING).rehearsal.drives
 
 
 def test_a_run_that_was_cut_off_before_its_first_checkpoint_begins_again(

@@ -92,8 +92,7 @@ RecipeOption = Annotated[
     Path | None,
     typer.Option(
         "--config",
-        help="Recipe; config/train/baff.yaml has its defaults. Without: the network's own, or fine_tune.yaml with "
-        "--init.",
+        help="Recipe; recipes/baff.yaml has its defaults. Without: the network's own, or fine_tune.yaml with --init.",
     ),
 ]
 ValidationBagsOption = Annotated[

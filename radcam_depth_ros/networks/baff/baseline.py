@@ -22,4 +22,5 @@ class Baseline(Baff):
 
     about = "baff without its bottom-up branch and attention"
     config_type = BaselineConfig
+    trained_like = "baff"
     paper = MappingProxyType({"bidirectional": False, "channel_attention": False, "position_attention": False})

@@ -67,6 +67,7 @@ class BaffPaper(Network):
         ("head", "fusion.head"),
     )
     adjustable = ("threshold",)
+    trained_like = "baff"
 
     def __init__(self, config: BaffPaperConfig) -> None:
         super().__init__(config)

@@ -47,22 +47,22 @@ class AppearanceConfig:
         jpeg_quality: See `jpeg`.
     """
 
-    recolour: float = 0.0
-    recolour_share: float = 0.5
-    recolour_strength: float = 0.8
-    texture: float = 0.0
-    texture_strength: float = 0.4
-    sky: float = 0.0
-    haze: float = 0.0
-    haze_visibility_m: float = 40.0
-    tone_curve: float = 0.0
-    channel_mixing: float = 0.0
-    spectrum: float = 0.0
-    spectrum_strength: float = 0.7
-    equalise: float = 0.0
-    sharpen: float = 0.0
-    jpeg: float = 0.0
-    jpeg_quality: int = 25
+    recolour: float
+    recolour_share: float
+    recolour_strength: float
+    texture: float
+    texture_strength: float
+    sky: float
+    haze: float
+    haze_visibility_m: float
+    tone_curve: float
+    channel_mixing: float
+    spectrum: float
+    spectrum_strength: float
+    equalise: float
+    sharpen: float
+    jpeg: float
+    jpeg_quality: int
 
     def __post_init__(self) -> None:
         for entry in fields(self):

@@ -7,7 +7,7 @@ consistent. What is only perceived (`appearance.restyle`, `photometric.perceive`
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import cv2
@@ -50,21 +50,21 @@ class RadarAugmentationConfig:
             often: imaging radars give thousands, of which an iteration has no time for all.
     """
 
-    none: float = 0.03
-    one_radar: float = 0.25
-    thinned: float = 0.2
-    thinned_share: float = 0.6
-    clutter: float = 0.1
-    clutter_share: float = 0.15
-    pixel_noise: float = 1.0
-    elevation_noise: float = 0.0
-    elevation_noise_deg: float = 6.0
-    depth_noise_m: float = 0.1
-    rcs_unknown: float = 0.15
-    speed_unknown: float = 0.15
-    age_unknown: float = 0.15
-    min_points: int = 300
-    max_points: int = 1200
+    none: float
+    one_radar: float
+    thinned: float
+    thinned_share: float
+    clutter: float
+    clutter_share: float
+    pixel_noise: float
+    elevation_noise: float
+    elevation_noise_deg: float
+    depth_noise_m: float
+    rcs_unknown: float
+    speed_unknown: float
+    age_unknown: float
+    min_points: int
+    max_points: int
 
     def __post_init__(self) -> None:
         if not 1 <= self.min_points <= self.max_points:
@@ -84,10 +84,10 @@ class GroundAugmentationConfig:
         roll_deg: Largest error of roll.
     """
 
-    unknown: float = 0.05
-    height_share: float = 0.03
-    pitch_deg: float = 0.3
-    roll_deg: float = 0.2
+    unknown: float
+    height_share: float
+    pitch_deg: float
+    roll_deg: float
 
 
 @dataclass(frozen=True)
@@ -103,12 +103,12 @@ class AugmentationConfig:
         ground: Road prior.
     """
 
-    mirror: float = 0.5
-    focal_jitter: float = 0.0
-    photometric: PhotometricConfig = field(default_factory=PhotometricConfig)
-    appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
-    radar: RadarAugmentationConfig = field(default_factory=RadarAugmentationConfig)
-    ground: GroundAugmentationConfig = field(default_factory=GroundAugmentationConfig)
+    mirror: float
+    focal_jitter: float
+    photometric: PhotometricConfig
+    appearance: AppearanceConfig
+    radar: RadarAugmentationConfig
+    ground: GroundAugmentationConfig
 
     def __post_init__(self) -> None:
         if not 0 <= self.mirror <= 1 or not 0 <= self.focal_jitter <= 0.5:

@@ -33,20 +33,20 @@ class PhotometricConfig:
         noise_level: Largest standard deviation, of a range of 1.
     """
 
-    tone: float = 0.5
-    brightness: float = 0.5
-    contrast: float = 0.4
-    gamma: float = 0.3
-    colour: float = 0.4
-    white_balance: float = 0.2
-    grey: float = 0.1
-    illumination: float = 0.2
-    illumination_strength: float = 0.35
-    shadow: float = 0.2
-    blur: float = 0.1
-    blur_px: float = 1.5
-    noise: float = 0.2
-    noise_level: float = 0.03
+    tone: float
+    brightness: float
+    contrast: float
+    gamma: float
+    colour: float
+    white_balance: float
+    grey: float
+    illumination: float
+    illumination_strength: float
+    shadow: float
+    blur: float
+    blur_px: float
+    noise: float
+    noise_level: float
 
 
 def perceive(image: ImageArray, config: PhotometricConfig, rng: np.random.Generator) -> FloatArray:

@@ -7,7 +7,7 @@ import json
 import multiprocessing
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,6 @@ from radcam_depth_ros import configuration
 from radcam_depth_ros.training.errors import TrainingError
 
 _FIRST_TEST_SEED = 1_000_000
-_KEY_FRAMES = {"key_frames": True, "camera": {"rate_hz": 1.0}, "lidar": {"enabled": False}}
-"""Images a second apart, each with the sweeps that are paired with it, and exact depth in place of a LiDAR."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +31,13 @@ class RehearsalConfig:
         simulation: What differs from the simulator's defaults.
     """
 
-    share: float = 0.0
-    tolerance: float = 0.15
-    frames: int = 200
-    frames_per_drive: int = 10
-    first_seed: int = 1
-    hold_out: float = 0.1
-    simulation: Mapping[str, Any] = field(default_factory=lambda: dict(_KEY_FRAMES))
+    share: float
+    tolerance: float
+    frames: int
+    frames_per_drive: int
+    first_seed: int
+    hold_out: float
+    simulation: Mapping[str, Any]
 
     def __post_init__(self) -> None:
         if not 0 <= self.share < 1 or not 0 < self.hold_out < 1 or self.tolerance < 0:

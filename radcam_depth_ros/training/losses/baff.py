@@ -51,22 +51,22 @@ class LossConfig:
         confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
     """
 
-    association: float = 1.0
-    association_tolerance_m: float = 0.4
-    association_tolerance_share: float = 0.01
-    positive_weight: float = 1.5
-    choice: float = 1.0
-    choice_sky: float = 0.05
-    choice_tolerance: float = 0.05
-    road: float = 4.0
-    accumulated: float = 0.25
-    single: float = 0.25
-    smooth_l1_beta_m: float = 1.0
-    sky: float = 0.015
-    sky_margin_px: int = 4
-    log_depth: float = 20.0
-    confidence: float = 0.1
-    confidence_tolerance: float = 0.1
+    association: float
+    association_tolerance_m: float
+    association_tolerance_share: float
+    positive_weight: float
+    choice: float
+    choice_sky: float
+    choice_tolerance: float
+    road: float
+    accumulated: float
+    single: float
+    smooth_l1_beta_m: float
+    sky: float
+    sky_margin_px: int
+    log_depth: float
+    confidence: float
+    confidence_tolerance: float
 
     def __post_init__(self) -> None:
         weights = (
@@ -225,11 +225,14 @@ def log_depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: 
 
 
 def confidence_loss(
-    logit: Tensor, dense_m: Tensor, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+    logit: Tensor, dense_m: Tensor, truth_m: Tensor, max_depth_m: float, tolerance: float, ranks: Ranks = ALONE
 ) -> Tensor:
-    """Binary cross entropy against whether the dense depth, taken as it is, is right; shapes as `dense_loss`."""
+    """Binary cross entropy against whether the dense depth, taken as it is, is right; shapes as `dense_loss`.
+
+    It is right when it is nearer to the truth than `tolerance`, relatively.
+    """
     in_range = (truth_m > 0) & (truth_m <= max_depth_m)
-    right = (dense_m.detach() - truth_m).abs() < config.confidence_tolerance * truth_m
+    right = (dense_m.detach() - truth_m).abs() < tolerance * truth_m
     entropy = functional.binary_cross_entropy_with_logits(logit, right.float(), reduction="none")
     return masked_mean(entropy, in_range, ranks)
 
@@ -267,7 +270,9 @@ def total_loss(
         # others.
         if single_m is not None or ranks.size > 1:
             single = dense_loss(dense_m, accumulated_m if single_m is None else single_m, max_depth_m, config, ranks)
-        parts["confidence"] = confidence_loss(logit, dense_m, accumulated_m, max_depth_m, config, ranks)
+        parts["confidence"] = confidence_loss(
+            logit, dense_m, accumulated_m, max_depth_m, config.confidence_tolerance, ranks
+        )
         if config.log_depth > 0:
             parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
         total = total + config.choice * parts["choice"] + config.road * parts["road"] + config.single * single

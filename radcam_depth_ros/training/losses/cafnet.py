@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from radcam_depth_ros.networks import CafnetOutputs
+from radcam_depth_ros.networks.cafnet import CafnetOutputs
 from radcam_depth_ros.networks.layers.patches import Patches
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
@@ -19,7 +19,7 @@ from radcam_depth_ros.training.losses.rectified import RectifiedLossConfig, dens
 
 
 @dataclass(frozen=True)
-class CafnetLossConfig(RectifiedLossConfig):
+class LossConfig(RectifiedLossConfig):
     """Weights and thresholds of the losses, besides those of the dense depth.
 
     `coarse` and `confidence` are those of the public implementation of [Sun2024].
@@ -30,9 +30,9 @@ class CafnetLossConfig(RectifiedLossConfig):
         tolerance_m: A pixel belongs to a return around it when their depths differ by less than this.
     """
 
-    coarse: float = 0.5
-    confidence: float = 1.0
-    tolerance_m: float = 0.4
+    coarse: float
+    confidence: float
+    tolerance_m: float
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,7 +60,7 @@ def belonging(patches: Patches, radar: Tensor, truth_m: Tensor, tolerance_m: flo
 
 
 def total_loss(
-    outputs: CafnetOutputs, batch: Batch, max_depth_m: float, config: CafnetLossConfig, ranks: Ranks = ALONE
+    outputs: CafnetOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """All losses of a batch; arguments and result as `lircdepth_losses.total_loss`."""
     total, parts = dense_terms(outputs.depths.dense.float(), batch, max_depth_m, config, ranks)

@@ -28,12 +28,12 @@ class DistillationConfig:
         cells: Along each side, the places that the decoders' maps are pooled to before they are compared.
     """
 
-    image: float = 1.0
-    radar: float = 1.0
-    decoder: float = 1.0
-    inter_depth: float = 1.0
-    beta: float = 0.2
-    cells: int = 5
+    image: float
+    radar: float
+    decoder: float
+    inter_depth: float
+    beta: float
+    cells: int
 
     def __post_init__(self) -> None:
         if min(astuple(self)) < 0:

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from radcam_depth_ros.networks import LircdepthOutputs
+from radcam_depth_ros.networks.lircdepth import LircdepthOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.baff import LossConfig, confidence_loss, without_narrow_sky
+from radcam_depth_ros.training.losses.baff import confidence_loss, without_narrow_sky
 from radcam_depth_ros.training.losses.masked import ALONE, halved
 from radcam_depth_ros.training.losses.rectified import RectifiedLossConfig, dense_terms, depth_loss
 
 
 @dataclass(frozen=True)
-class LircdepthLossConfig(RectifiedLossConfig):
+class LossConfig(RectifiedLossConfig):
     """Weights and thresholds of the losses, besides those of the dense depth.
 
     Attributes:
@@ -29,9 +29,9 @@ class LircdepthLossConfig(RectifiedLossConfig):
         confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
     """
 
-    inter_depth: float = 0.0
-    confidence: float = 0.1
-    confidence_tolerance: float = 0.1
+    inter_depth: float
+    confidence: float
+    confidence_tolerance: float
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,7 +40,7 @@ class LircdepthLossConfig(RectifiedLossConfig):
 
 
 def total_loss(
-    outputs: LircdepthOutputs, batch: Batch, max_depth_m: float, config: LircdepthLossConfig, ranks: Ranks = ALONE
+    outputs: LircdepthOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """All losses of a batch.
 
@@ -62,8 +62,7 @@ def total_loss(
         parts["inter_depth"] = halved([depth_loss(given_m, truth_m, max_depth_m, ranks) for given_m in inter_m])
         total = total + config.inter_depth * parts["inter_depth"]
     if config.confidence > 0:
-        judged = LossConfig(confidence_tolerance=config.confidence_tolerance)
         logit = outputs.confidence_logit.float()
-        parts["confidence"] = confidence_loss(logit, dense_m, truth_m, max_depth_m, judged, ranks)
+        parts["confidence"] = confidence_loss(logit, dense_m, truth_m, max_depth_m, config.confidence_tolerance, ranks)
         total = total + config.confidence * parts["confidence"]
     return total, {name: part.detach() for name, part in parts.items()}

@@ -32,12 +32,12 @@ class RectifiedLossConfig:
             and far. It is not in the papers.
     """
 
-    depth: float = 1.0
-    beta: float = 0.2
-    smoothness: float = 0.001
-    sky: float = 0.015
-    sky_margin_px: int = 4
-    log_depth: float = 0.0
+    depth: float
+    beta: float
+    smoothness: float
+    sky: float
+    sky_margin_px: int
+    log_depth: float
 
     def __post_init__(self) -> None:
         if min(astuple(self)) < 0:

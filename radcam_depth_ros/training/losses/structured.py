@@ -9,11 +9,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS, ROAD_GROUP
-from radcam_depth_ros.networks import StructuredOutputs
+from radcam_depth_ros.networks.structured import StructuredOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.baff import LossConfig, confidence_loss, without_narrow_sky
+from radcam_depth_ros.training.losses.baff import confidence_loss, without_narrow_sky
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
 from radcam_depth_ros.training.losses.smoothness import smoothness_loss
 
@@ -23,7 +23,7 @@ _ROAD_CLASSES = tuple(
 
 
 @dataclass(frozen=True)
-class StructuredLossConfig:
+class LossConfig:
     """Weights of the losses of `structured`; defaults are the paper's where it has one.
 
     Attributes:
@@ -40,15 +40,15 @@ class StructuredLossConfig:
         confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
     """
 
-    depths: float = 0.5
-    smoothness: float = 0.001
-    coarse: float = 0.3
-    road: float = 1.4
-    segmentation: float = 1.0
-    sky: float = 0.2
-    sky_margin_px: int = 4
-    confidence: float = 0.1
-    confidence_tolerance: float = 0.1
+    depths: float
+    smoothness: float
+    coarse: float
+    road: float
+    segmentation: float
+    sky: float
+    sky_margin_px: int
+    confidence: float
+    confidence_tolerance: float
 
     def __post_init__(self) -> None:
         weights = (self.depths, self.smoothness, self.coarse, self.segmentation, self.sky, self.confidence)
@@ -64,7 +64,7 @@ def total_loss(
     outputs: StructuredOutputs,
     batch: Batch,
     max_depth_m: float,
-    config: StructuredLossConfig,
+    config: LossConfig,
     ranks: Ranks = ALONE,
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """All losses of a batch.
@@ -81,12 +81,12 @@ def total_loss(
     """
     truth_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
     dense_m = outputs.depths.dense
-    sure = LossConfig(confidence_tolerance=config.confidence_tolerance)
+    tolerance = config.confidence_tolerance
     parts = {
         "depth": depth_loss(dense_m, truth_m, batch.classes, max_depth_m, config, ranks),
         "smoothness": smoothness_loss(dense_m, batch.image, ranks),
         "coarse": coarse_loss(outputs.coarse_m, outputs.reached, truth_m, max_depth_m, ranks),
-        "confidence": confidence_loss(outputs.confidence_logit, dense_m, truth_m, max_depth_m, sure, ranks),
+        "confidence": confidence_loss(outputs.confidence_logit, dense_m, truth_m, max_depth_m, tolerance, ranks),
     }
     depths = parts["depth"] + config.smoothness * parts["smoothness"] + config.coarse * parts["coarse"]
     total = config.depths * depths + config.confidence * parts["confidence"]
@@ -101,7 +101,7 @@ def depth_loss(
     truth_m: Tensor,
     classes: Tensor,
     max_depth_m: float,
-    config: StructuredLossConfig,
+    config: LossConfig,
     ranks: Ranks = ALONE,
 ) -> Tensor:
     """L1 in metres, by what a pixel shows (L_depth).

@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_training import RECIPE
 
 from radcam_depth_ros.frame import CameraModel, GroundPlane, ImageArray
-from radcam_depth_ros.training.data.appearance import AppearanceConfig, develop, restyle
-from radcam_depth_ros.training.data.augmentation import AugmentationConfig, augment
+from radcam_depth_ros.training.data.appearance import develop, restyle
+from radcam_depth_ros.training.data.augmentation import augment
 from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.errors import TrainingError
 
 SURFACES = ("recolour", "texture", "sky", "haze")
 PROCESSING = ("tone_curve", "channel_mixing", "spectrum", "equalise", "sharpen", "jpeg")
-ALL = AppearanceConfig(**dict.fromkeys((*SURFACES, *PROCESSING), 1.0))
+ALL = replace(RECIPE.augmentation.appearance, **dict.fromkeys((*SURFACES, *PROCESSING), 1.0))
 SHAPE = (64, 96)
 
 
@@ -32,7 +33,7 @@ DEPTH[:16] = np.inf
 
 @pytest.mark.parametrize("effect", SURFACES)
 def test_surfaces_look_different(effect: str) -> None:
-    config = AppearanceConfig(**{effect: 1.0})
+    config = replace(RECIPE.augmentation.appearance, **{effect: 1.0})
     results = [restyle(picture(), DEPTH, CLASSES, config, np.random.default_rng(seed)) for seed in range(8)]
     assert {(image.shape, image.dtype) for image in results} == {((*SHAPE, 3), np.dtype(np.uint8))}
     assert sum(bool((image != picture()).mean() > 0.1) for image in results) >= 5
@@ -42,7 +43,9 @@ def test_surfaces_look_different(effect: str) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_developed_picture_is_another_of_the_same_range(effect: str, seed: int) -> None:
     image = picture().astype(np.float32) / np.float32(255)
-    result = develop(image.copy(), AppearanceConfig(**{effect: 1.0}), np.random.default_rng(seed))
+    result = develop(
+        image.copy(), replace(RECIPE.augmentation.appearance, **{effect: 1.0}), np.random.default_rng(seed)
+    )
     assert result.shape == image.shape
     assert result.dtype == np.float32
     assert 0 <= result.min() < result.max() <= 1
@@ -54,7 +57,7 @@ def test_a_developed_picture_is_another_of_the_same_range(effect: str, seed: int
 
 @pytest.mark.parametrize("effect", ["recolour", "texture"])
 def test_what_has_no_class_keeps_its_look(effect: str) -> None:
-    config = replace(AppearanceConfig(recolour_share=1.0), **{effect: 1.0})
+    config = replace(replace(RECIPE.augmentation.appearance, recolour_share=1.0), **{effect: 1.0})
     result = restyle(picture(), DEPTH, CLASSES, config, np.random.default_rng(1))
     unknown = CLASSES == 255
     np.testing.assert_array_equal(result[unknown], picture()[unknown])
@@ -65,7 +68,9 @@ def test_another_sky_changes_the_sky_alone() -> None:
     far = np.vstack([np.full((1, SHAPE[1]), True), np.isinf(DEPTH)[:-1]])  # and the row whose pixels are a part of it
     skies = []
     for seed in range(12):
-        result = restyle(picture(), DEPTH, CLASSES, AppearanceConfig(sky=1.0), np.random.default_rng(seed))
+        result = restyle(
+            picture(), DEPTH, CLASSES, replace(RECIPE.augmentation.appearance, sky=1.0), np.random.default_rng(seed)
+        )
         np.testing.assert_array_equal(result[~far], picture()[~far])
         skies.append(result[:12].mean())
     assert max(skies) - min(skies) > 80
@@ -73,7 +78,9 @@ def test_another_sky_changes_the_sky_alone() -> None:
 
 def test_another_sky_needs_one() -> None:
     depth = np.full(SHAPE, 20, np.float16)
-    result = restyle(picture(), depth, CLASSES, AppearanceConfig(sky=1.0), np.random.default_rng(0))
+    result = restyle(
+        picture(), depth, CLASSES, replace(RECIPE.augmentation.appearance, sky=1.0), np.random.default_rng(0)
+    )
     np.testing.assert_array_equal(result, picture())
 
 
@@ -82,7 +89,9 @@ def test_haze_hides_what_is_far() -> None:
     depth[:, 48:] = 80
     depth[:8] = np.inf
     depth[60, 3] = np.nan
-    result = restyle(picture(), depth, CLASSES, AppearanceConfig(haze=1.0), np.random.default_rng(0))
+    result = restyle(
+        picture(), depth, CLASSES, replace(RECIPE.augmentation.appearance, haze=1.0), np.random.default_rng(0)
+    )
     contrast = [part.std(axis=(0, 1)).mean() for part in (result[:8], result[8:, 48:], result[8:, :48])]
     assert contrast[0] < 0.5
     assert contrast[1] < contrast[2]
@@ -91,7 +100,9 @@ def test_haze_hides_what_is_far() -> None:
 def test_haze_needs_depths() -> None:
     sparse = np.full(SHAPE, np.nan, np.float16)
     sparse[::8, ::8] = 20
-    result = restyle(picture(), sparse, CLASSES, AppearanceConfig(haze=1.0), np.random.default_rng(0))
+    result = restyle(
+        picture(), sparse, CLASSES, replace(RECIPE.augmentation.appearance, haze=1.0), np.random.default_rng(0)
+    )
     np.testing.assert_array_equal(result, picture())
 
 
@@ -105,7 +116,7 @@ def test_an_effect_changes_nothing_else_of_a_sample() -> None:
         camera=CameraModel(96, 64, 630.0, 630.0, 47.5, 31.5),
         ground=GroundPlane(1.5),
     )
-    plain = AugmentationConfig()
+    plain = RECIPE.augmentation
     (first, image), (second, other) = (
         augment(sample, (32, 64), config, np.random.default_rng(3))
         for config in (plain, replace(plain, appearance=ALL))
@@ -118,6 +129,6 @@ def test_an_effect_changes_nothing_else_of_a_sample() -> None:
 
 def test_wrong_strengths_are_refused() -> None:
     with pytest.raises(TrainingError, match=r"appearance\.haze must be between 0 and 1, got 2"):
-        AppearanceConfig(haze=2.0)
+        replace(RECIPE.augmentation.appearance, haze=2.0)
     with pytest.raises(TrainingError, match="jpeg_quality of 1 to 90"):
-        AppearanceConfig(jpeg_quality=99)
+        replace(RECIPE.augmentation.appearance, jpeg_quality=99)

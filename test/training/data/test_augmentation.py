@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_training import RECIPE
 
 from radcam_depth_ros.frame import CameraModel, GroundPlane
 from radcam_depth_ros.geometry import ground_coefficients, project
 from radcam_depth_ros.training.data.augmentation import (
-    AugmentationConfig,
-    GroundAugmentationConfig,
-    RadarAugmentationConfig,
     augment,
     crop,
     mirror,
@@ -26,14 +24,16 @@ from radcam_depth_ros.training.data.samples import TrainingSample
 CAMERA = CameraModel(160, 96, 120.0, 118.0, 83.0, 41.0)
 UP = np.array([0.05, -0.99, 0.08]) / np.linalg.norm([0.05, -0.99, 0.08])
 GROUND = GroundPlane(1.5, (float(UP[0]), float(UP[1]), float(UP[2])))
-UNCHANGED = AugmentationConfig(
+UNCHANGED = replace(RECIPE.augmentation,
     mirror=0.0,
-    photometric=PhotometricConfig(tone=0, colour=0, grey=0, illumination=0, shadow=0, blur=0, noise=0),
-    radar=RadarAugmentationConfig(
+    photometric=replace(
+        RECIPE.augmentation.photometric, tone=0, colour=0, grey=0, illumination=0, shadow=0, blur=0, noise=0
+    ),
+    radar=replace(RECIPE.augmentation.radar,
         none=0, one_radar=0, thinned=0, clutter=0, pixel_noise=0, depth_noise_m=0, rcs_unknown=0, speed_unknown=0,
         age_unknown=0,
     ),
-    ground=GroundAugmentationConfig(unknown=0, height_share=0, pitch_deg=0, roll_deg=0),
+    ground=replace(RECIPE.augmentation.ground, unknown=0, height_share=0, pitch_deg=0, roll_deg=0),
 )  # fmt: skip
 
 
@@ -154,7 +154,7 @@ def test_without_any_effect_a_sample_stays_as_it_is() -> None:
 
 
 def test_the_same_generator_gives_the_same_sample() -> None:
-    results = [augment(make_sample(), (64, 96), AugmentationConfig(), np.random.default_rng(7)) for _ in range(2)]
+    results = [augment(make_sample(), (64, 96), RECIPE.augmentation, np.random.default_rng(7)) for _ in range(2)]
     np.testing.assert_array_equal(results[0][1], results[1][1])
     np.testing.assert_array_equal(results[0][0].radar, results[1][0].radar)
     assert results[0][0].ground == results[1][0].ground or not results[0][0].ground.is_known
@@ -162,7 +162,9 @@ def test_the_same_generator_gives_the_same_sample() -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_every_augmented_sample_is_fit_for_a_network(seed: int) -> None:
-    config = replace(AugmentationConfig(), radar=RadarAugmentationConfig(min_points=5, max_points=10, clutter=1.0))
+    config = replace(
+        RECIPE.augmentation, radar=replace(RECIPE.augmentation.radar, min_points=5, max_points=10, clutter=1.0)
+    )
     sample, image = augment(make_sample(30, radars=2), (64, 96), config, np.random.default_rng(seed))
     assert image.shape == (64, 96, 3)
     assert image.dtype == np.float32
@@ -202,7 +204,7 @@ def test_a_radar_without_elevation_scatters_returns_along_their_columns_alone() 
 
 
 def test_ground_errors_stay_within_their_limits() -> None:
-    config = GroundAugmentationConfig(unknown=0.3, height_share=0.1, pitch_deg=1.0, roll_deg=0.5)
+    config = replace(RECIPE.augmentation.ground, unknown=0.3, height_share=0.1, pitch_deg=1.0, roll_deg=0.5)
     rng = np.random.default_rng(0)
     results = [perturb_ground(GROUND, config, rng) for _ in range(200)]
     known = [ground for ground in results if ground.is_known]

@@ -6,8 +6,8 @@ from contextlib import closing
 import numpy as np
 import pytest
 import torch
+from small_training import RECIPE
 
-from radcam_depth_ros.training.data.augmentation import AugmentationConfig
 from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet, collate, prefetch
 from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.errors import TrainingError
@@ -30,8 +30,8 @@ def test_a_batch_has_the_layout_that_networks_take(drive: CachedDrive) -> None:
 
 def test_a_batch_is_a_function_of_its_position(drive: CachedDrive) -> None:
     samples = SampleSet.of([drive])
-    first, again = (BatchMaker(samples, AugmentationConfig(), 3).make(8, 2, (32, 64)) for _ in range(2))
-    other = BatchMaker(samples, AugmentationConfig(), 4).make(8, 2, (32, 64))
+    first, again = (BatchMaker(samples, RECIPE.augmentation, 3).make(8, 2, (32, 64)) for _ in range(2))
+    other = BatchMaker(samples, RECIPE.augmentation, 4).make(8, 2, (32, 64))
     assert torch.equal(first.image, again.image)
     assert torch.equal(first.radar.nan_to_num(), again.radar.nan_to_num())
     assert not torch.equal(first.image, other.image)
@@ -42,7 +42,7 @@ def test_rehearsals_are_an_even_share_of_the_samples(drive: CachedDrive) -> None
     own, rehearsal = samples.split(0.5)
     seen = []
     for share, expected in ((0.5, [1, 1, 1, 1]), (0.25, [0, 1, 0, 1]), (0.0, [0, 0, 0, 0])):
-        maker = BatchMaker(own, AugmentationConfig(), 0, rehearsal, share)
+        maker = BatchMaker(own, RECIPE.augmentation, 0, rehearsal, share)
         drawn = [maker._sample(place).image for place in range(8)]
         is_rehearsal = [
             any(np.array_equal(image, other.image) for other in map(rehearsal.__getitem__, range(len(rehearsal))))
@@ -54,7 +54,7 @@ def test_rehearsals_are_an_even_share_of_the_samples(drive: CachedDrive) -> None
 
 
 def test_batches_made_ahead_come_in_order(drive: CachedDrive) -> None:
-    maker = BatchMaker(SampleSet.of([drive]), AugmentationConfig(), 0)
+    maker = BatchMaker(SampleSet.of([drive]), RECIPE.augmentation, 0)
     with ThreadPoolExecutor(2) as pool, closing(prefetch(maker, 4, 2, [(32, 64)], pool, 3, 2)) as batches:
         for position in (4, 6, 8, 10, 12):
             assert torch.equal(next(batches).image, maker.make(position, 2, (32, 64)).image)

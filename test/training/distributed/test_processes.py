@@ -10,17 +10,18 @@ import signal
 import socket
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
-from small_training import CONFIG, train_here
+from small_training import CONFIG, RECIPE, train_here
 
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.data.samples import CachedDrive
-from radcam_depth_ros.training.recipe import OptimiserConfig, StageConfig, TrainingConfig, ValidationConfig
+from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
 
 ENDLESS_S = 600.0
 
@@ -67,7 +68,7 @@ def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
         log_every_iterations=1,
         checkpoint_every_minutes=0.001,  # between validations as well
         stages=(StageConfig(0.5, ((64, 64),), 2), StageConfig(0.5, ((64, 96),), 2)),
-        validation=ValidationConfig(every_iterations=8, frames=1),
+        validation=replace(RECIPE.validation, every_iterations=8, frames=1),
     )
     place = tmp_path / "drive"
     finish(start(config, place, tmp_path / "whole"))
@@ -102,8 +103,8 @@ def test_two_processes_learn_what_one_does_with_the_joint_batch(
         precision="float32",
         log_every_iterations=1,
         stages=(StageConfig(1.0, ((64, 64),), 4),),
-        optimiser=OptimiserConfig(warm_up_iterations=2),
-        validation=ValidationConfig(every_iterations=100, frames=1),
+        optimiser=replace(RECIPE.optimiser, warm_up_iterations=2),
+        validation=replace(RECIPE.validation, every_iterations=100, frames=1),
     )
     place = tmp_path / "drive"
     with socket.socket() as free:

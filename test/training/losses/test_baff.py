@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -19,6 +20,9 @@ from radcam_depth_ros.training.losses.baff import (
     total_loss,
     without_narrow_sky,
 )
+from radcam_depth_ros.training.losses.registry import Criterion
+
+LOSS: LossConfig = Criterion.of("baff", {}).config
 
 NAN, INF = float("nan"), float("inf")
 
@@ -37,7 +41,7 @@ def test_association_counts_known_pixels_and_sky_and_weighs_positives() -> None:
     # One row of four cells: belongs to the return, does not, unknown, sky.
     truth = torch.tensor([[[[10.3, 10.5, NAN, INF]]]])
     logits = torch.tensor([[[[1.0, -2.0, 9.0, 0.5]]]])
-    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=3.0))
+    loss = association_loss(of_one_return(logits, 10.0), truth, replace(LOSS, positive_weight=3.0))
     expected = (3 * entropy(1.0, True) + entropy(-2.0, False) + entropy(0.5, False)) / 3
     assert float(loss) == pytest.approx(expected, rel=1e-6)
 
@@ -45,14 +49,14 @@ def test_association_counts_known_pixels_and_sky_and_weighs_positives() -> None:
 def test_association_leaves_out_columns_outside_of_the_image() -> None:
     truth = torch.full((1, 1, 1, 2), 10.0)
     logits = torch.tensor([[[[7.0, 2.0, -5.0]]]])
-    loss = association_loss(of_one_return(logits, 10.0, [-1, 1, -1]), truth, LossConfig(positive_weight=1.0))
+    loss = association_loss(of_one_return(logits, 10.0, [-1, 1, -1]), truth, replace(LOSS, positive_weight=1.0))
     assert float(loss) == pytest.approx(entropy(2.0, True), rel=1e-6)
 
 
 def test_association_leaves_out_returns_without_a_depth() -> None:
     logits = torch.tensor([7.0, 2.0]).reshape(1, 2, 1, 1)
     association = Association(logits, torch.tensor([NAN, 10.0]).reshape(1, 2, 1, 1), None)
-    loss = association_loss(association, torch.full((1, 1, 1, 1), 10.0), LossConfig(positive_weight=1.0))
+    loss = association_loss(association, torch.full((1, 1, 1, 1), 10.0), replace(LOSS, positive_weight=1.0))
     assert float(loss) == pytest.approx(entropy(2.0, True), rel=1e-6)
 
 
@@ -61,7 +65,7 @@ def test_a_sparse_truth_counts_wherever_it_lies_in_a_cell() -> None:
     truth[0, 0, 0, 0], truth[0, 0, 0, 1] = 30.0, 10.0  # off the cell's middle: the nearest counts
     truth[0, 0, 2, 3] = INF
     logits = torch.tensor([[[[4.0, 9.0, 9.0], [9.0, -3.0, 9.0]]]])
-    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=1.0))
+    loss = association_loss(of_one_return(logits, 10.0), truth, replace(LOSS, positive_weight=1.0))
     assert float(loss) == pytest.approx((entropy(4.0, True) + entropy(-3.0, False)) / 2, rel=1e-6)
 
 
@@ -70,7 +74,7 @@ def test_association_takes_the_cell_centre_at_a_stride() -> None:
     truth[0, 0, 3, 1] = 10.0  # row 1, column 0 of the grid at stride 2
     logits = torch.zeros(1, 1, 2, 2)
     logits[0, 0, 1, 0] = 4.0
-    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=1.0))
+    loss = association_loss(of_one_return(logits, 10.0), truth, replace(LOSS, positive_weight=1.0))
     assert float(loss) == pytest.approx((entropy(4.0, True) + 3 * entropy(0.0, False)) / 4, rel=1e-6)
 
 
@@ -78,7 +82,19 @@ def test_association_tolerance_can_grow_with_depth() -> None:
     association = of_one_return(torch.zeros(1, 1, 1, 1), 50.0)
     truth = torch.full((1, 1, 1, 1), 51.0)
     losses = [
-        float(association_loss(association, truth, LossConfig(5.0, 0.4, share, positive_weight=2.0)))
+        float(
+            association_loss(
+                association,
+                truth,
+                replace(
+                    LOSS,
+                    association=5.0,
+                    association_tolerance_m=0.4,
+                    association_tolerance_share=share,
+                    positive_weight=2.0,
+                ),
+            )
+        )
         for share in (0.0, 0.02)
     ]
     assert losses == pytest.approx([entropy(0.0, False), 2 * entropy(0.0, True)], rel=1e-6)
@@ -87,7 +103,7 @@ def test_association_tolerance_can_grow_with_depth() -> None:
 def test_association_without_any_return_is_zero_and_passes_gradients() -> None:
     logits = torch.zeros(1, 0, 2, 2, requires_grad=True)
     association = Association(logits, torch.zeros(1, 0, 1, 1), torch.zeros(1, 0, 2, dtype=torch.int64))
-    loss = association_loss(association, torch.ones(1, 1, 2, 2), LossConfig())
+    loss = association_loss(association, torch.ones(1, 1, 2, 2), LOSS)
     loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     assert float(loss.detach()) == 0.0
 
@@ -95,7 +111,7 @@ def test_association_without_any_return_is_zero_and_passes_gradients() -> None:
 def test_association_gradient_is_finite_where_truth_is_unknown() -> None:
     logits = torch.zeros(1, 1, 1, 2, requires_grad=True)
     truth = torch.tensor([[[[NAN, 10.0]]]])
-    loss = association_loss(of_one_return(logits, 10.0), truth, LossConfig(positive_weight=2.0))
+    loss = association_loss(of_one_return(logits, 10.0), truth, replace(LOSS, positive_weight=2.0))
     loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     assert logits.grad is not None
     assert logits.grad.flatten().tolist() == pytest.approx([0.0, -1.0])
@@ -106,7 +122,7 @@ def test_dense_loss_is_smooth_l1_and_draws_the_sky_to_the_farthest_depth() -> No
     truth = torch.tensor([[[[10.0, 10.0, INF, 150.0, NAN]]]])
     in_range = (0.5 * 0.5**2 + (3.0 - 0.5)) / 2
     beyond = ((10.0 - 0.5) + (1.0 - 0.5)) / 2
-    loss = dense_loss(dense, truth, 100.0, LossConfig(sky=0.2))
+    loss = dense_loss(dense, truth, 100.0, replace(LOSS, sky=0.2))
     assert float(loss) == pytest.approx(in_range + 0.2 * beyond, rel=1e-6)
 
 
@@ -116,11 +132,11 @@ def test_a_sample_that_knows_few_pixels_counts_as_much_as_one_that_knows_all() -
     truth = torch.full((2, 1, 20, 50), 10.0)
     truth[1].fill_(NAN)
     truth[1, 0, 3, :2] = 10.0
-    loss = dense_loss(dense, truth, 100.0, LossConfig())
+    loss = dense_loss(dense, truth, 100.0, LOSS)
     assert float(loss) == pytest.approx(0.5 * (3.0 - 0.5))
     truth[1].fill_(NAN)  # one that knows nothing does not count at all
     truth[0] = 9.5
-    assert float(dense_loss(dense, truth, 100.0, LossConfig())) == pytest.approx(0.5 * 0.5**2)
+    assert float(dense_loss(dense, truth, 100.0, LOSS)) == pytest.approx(0.5 * 0.5**2)
 
 
 def test_sky_beside_a_surface_is_unknown() -> None:
@@ -146,7 +162,7 @@ def test_confidence_is_taught_whether_the_depth_is_within_ten_percent() -> None:
     dense = torch.tensor([[[[10.9, 11.1, 50.0]]]], requires_grad=True)
     truth = torch.tensor([[[[10.0, 10.0, INF]]]])
     logit = torch.tensor([[[[1.0, 2.0, 3.0]]]])
-    loss = confidence_loss(logit, dense, truth, 100.0, LossConfig())
+    loss = confidence_loss(logit, dense, truth, 100.0, 0.1)
     assert float(loss) == pytest.approx((entropy(1.0, True) + entropy(2.0, False)) / 2, rel=1e-6)
     assert not loss.requires_grad  # the depth is taken as it is
 
@@ -155,7 +171,7 @@ def choice(logits: list[float], depths_m: list[float], truth_m: float) -> float:
     """Loss of one pixel."""
     shape = (1, -1, 1, 1)
     candidates = Candidates(torch.tensor(logits).reshape(shape), torch.tensor(depths_m).reshape(shape))
-    return float(choice_loss(candidates, torch.full((1, 1, 1, 1), truth_m), 100.0, LossConfig()))
+    return float(choice_loss(candidates, torch.full((1, 1, 1, 1), truth_m), 100.0, LOSS))
 
 
 def test_choice_is_a_cross_entropy_when_one_candidate_is_right() -> None:
@@ -194,7 +210,7 @@ def batch_of(accumulated_m: torch.Tensor, single_m: torch.Tensor | None = None) 
     return Batch(nothing, nothing, nothing, nothing, accumulated_m, single_m, classes)
 
 
-CONFIG = LossConfig(accumulated=1.0, single=1.0, log_depth=0.0, confidence=0.25, positive_weight=1.0)
+CONFIG = replace(LOSS, accumulated=1.0, single=1.0, log_depth=0.0, confidence=0.25, positive_weight=1.0)
 
 
 def outputs() -> TrainOutputs:
@@ -205,8 +221,8 @@ def outputs() -> TrainOutputs:
 
 def test_total_counts_one_ground_truth_twice_unless_there_are_two() -> None:
     accumulated, single = torch.full((1, 1, 1, 2), 10.0), torch.full((1, 1, 1, 2), 11.0)
-    config = LossConfig(
-        association=0.5, accumulated=1.0, single=2.0, log_depth=0.0, confidence=0.25, positive_weight=1.0
+    config = replace(
+        LOSS, association=0.5, accumulated=1.0, single=2.0, log_depth=0.0, confidence=0.25, positive_weight=1.0
     )
     association, confidence = 0.5 * entropy(0, True), 0.25 * entropy(0, False)
     one, parts = total_loss(outputs(), batch_of(accumulated), 100.0, config)
@@ -233,4 +249,4 @@ def test_the_road_is_judged_on_the_ground() -> None:
 )
 def test_wrong_weights_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="must"):
-        LossConfig(**wrong)
+        replace(LOSS, **wrong)

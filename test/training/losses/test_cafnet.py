@@ -9,14 +9,18 @@ import pytest
 import torch
 from torch import Tensor
 
-from radcam_depth_ros.networks import CafnetOutputs, Depths, DistillationFeatures
+from radcam_depth_ros.networks import Depths, DistillationFeatures
+from radcam_depth_ros.networks.cafnet import CafnetOutputs
 from radcam_depth_ros.networks.layers.patches import around
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.cafnet import CafnetLossConfig, belonging, total_loss
+from radcam_depth_ros.training.losses.cafnet import LossConfig, belonging, total_loss
+from radcam_depth_ros.training.losses.registry import Criterion
+
+LOSS: LossConfig = Criterion.of("cafnet", {}).config
 
 NAN, INF = float("nan"), float("inf")
-OFF = CafnetLossConfig(depth=0.0, coarse=0.0, confidence=0.0, smoothness=0.0, sky=0.0, sky_margin_px=0)
+OFF = replace(LOSS, depth=0.0, coarse=0.0, confidence=0.0, smoothness=0.0, sky=0.0, sky_margin_px=0)
 
 
 def two_rows(*values: float) -> Tensor:
@@ -99,7 +103,7 @@ def test_samples_neither_touch_each_other_nor_have_an_order() -> None:
     def loss(index: Tensor) -> float:
         batch = make_batch(truth[index], (2.0, 2.0, 15.0))
         outputs = make_outputs(batch, dense[index], coarse[index], logit[index])
-        return float(total_loss(outputs, batch, 100.0, CafnetLossConfig())[0])
+        return float(total_loss(outputs, batch, 100.0, LOSS)[0])
 
     alone = [loss(torch.tensor([index])) for index in range(3)]
     assert loss(torch.tensor([0, 1, 2])) == pytest.approx(sum(alone) / 3, rel=1e-5)
@@ -117,4 +121,4 @@ def test_a_weight_of_zero_switches_a_term_off() -> None:
 @pytest.mark.parametrize("wrong", [{"sky": -1.0}, {"beta": 0.0}, {"tolerance_m": 0.0}])
 def test_wrong_values_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="must"):
-        CafnetLossConfig(**wrong)  # type: ignore[arg-type]  # one of them is a whole number
+        replace(LOSS, **wrong)  # type: ignore[arg-type]  # one of them is a whole number

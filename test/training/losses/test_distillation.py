@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 import torch
+from small_training import RECIPE
 from torch import Tensor
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks import DistillationFeatures
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.distillation import (
-    DistillationConfig,
     distillation_loss,
     feature_loss,
     features_of,
@@ -21,7 +21,7 @@ from radcam_depth_ros.training.losses.distillation import (
     similarity_loss,
 )
 
-OFF = DistillationConfig(image=0.0, radar=0.0, decoder=0.0, inter_depth=0.0)
+OFF = replace(RECIPE.distillation, image=0.0, radar=0.0, decoder=0.0, inter_depth=0.0)
 
 
 def make_features(seed: int, decoder_channels: int = 4) -> DistillationFeatures:
@@ -62,7 +62,7 @@ def test_inter_depths_are_weighed_by_their_uncertainty() -> None:
 
 def test_the_student_learns_and_the_teacher_does_not() -> None:
     student, teacher = make_features(0), make_features(1, decoder_channels=7)
-    total, parts = distillation_loss(student, teacher, DistillationConfig())
+    total, parts = distillation_loss(student, teacher, RECIPE.distillation)
     assert float(total.detach()) == pytest.approx(sum(float(part) for part in parts.values()), rel=1e-5)
     total.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     for value in (value for maps in student for value in maps):
@@ -74,7 +74,7 @@ def test_the_student_learns_and_the_teacher_does_not() -> None:
 
 def test_who_knows_all_has_no_loss() -> None:
     student = make_features(0)
-    assert float(distillation_loss(student, student, DistillationConfig())[0].detach()) == pytest.approx(0.0, abs=1e-6)
+    assert float(distillation_loss(student, student, RECIPE.distillation)[0].detach()) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_samples_neither_touch_each_other_nor_have_an_order() -> None:
@@ -82,7 +82,7 @@ def test_samples_neither_touch_each_other_nor_have_an_order() -> None:
 
     def loss(*index: int) -> float:
         pick = [DistillationFeatures(*([x[list(index)] for x in maps] for maps in side)) for side in (student, teacher)]
-        return float(distillation_loss(pick[0], pick[1], DistillationConfig())[0].detach())
+        return float(distillation_loss(pick[0], pick[1], RECIPE.distillation)[0].detach())
 
     assert loss(0, 1) == pytest.approx((loss(0) + loss(1)) / 2, rel=1e-4)
     assert loss(0, 1) == pytest.approx(loss(1, 0), rel=1e-4)
@@ -93,7 +93,7 @@ def test_a_weight_of_zero_switches_a_term_off_and_then_it_need_not_fit() -> None
     assert float(distillation_loss(student, teacher, OFF)[0]) == 0.0
     wrong = teacher._replace(image=teacher.radar)
     with pytest.raises(TrainingError, match=r"expected image of shapes \[\(2, 5, 16, 32\).*got \[\(2, 3, 16, 32\)"):
-        distillation_loss(student, wrong, DistillationConfig())
+        distillation_loss(student, wrong, RECIPE.distillation)
     total, parts = distillation_loss(student, wrong, replace(OFF, radar=2.0))
     assert list(parts) == ["distilled_radar"]
     assert float(total.detach()) == pytest.approx(2 * float(parts["distilled_radar"]))
@@ -105,7 +105,7 @@ def test_cafnet_teaches_lircdepth() -> None:
         found = [
             features_of(networks.create(name).eval().train_outputs(*inputs), name) for name in ("lircdepth", "cafnet")
         ]
-        total, parts = distillation_loss(found[0], found[1], DistillationConfig())
+        total, parts = distillation_loss(found[0], found[1], RECIPE.distillation)
     assert len(parts) == 4
     assert torch.isfinite(total)
     for features in found:
@@ -122,4 +122,4 @@ def test_a_network_that_tells_nothing_is_refused() -> None:
 @pytest.mark.parametrize("wrong", [{"image": -1.0}, {"beta": 0.0}, {"cells": 0}])
 def test_wrong_values_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="must"):
-        DistillationConfig(**wrong)  # type: ignore[arg-type]  # one of them is a whole number
+        replace(RECIPE.distillation, **wrong)  # type: ignore[arg-type]  # one of them is a whole number

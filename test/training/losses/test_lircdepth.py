@@ -9,13 +9,17 @@ import pytest
 import torch
 from torch import Tensor
 
-from radcam_depth_ros.networks import Depths, DistillationFeatures, LircdepthOutputs
+from radcam_depth_ros.networks import Depths, DistillationFeatures
+from radcam_depth_ros.networks.lircdepth import LircdepthOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.lircdepth import LircdepthLossConfig, total_loss
+from radcam_depth_ros.training.losses.lircdepth import LossConfig, total_loss
+from radcam_depth_ros.training.losses.registry import Criterion
+
+LOSS: LossConfig = Criterion.of("lircdepth", {}).config
 
 INF = float("inf")
-OFF = LircdepthLossConfig(depth=0.0, smoothness=0.0, sky=0.0, confidence=0.0, sky_margin_px=0)
+OFF = replace(LOSS, depth=0.0, smoothness=0.0, sky=0.0, confidence=0.0, sky_margin_px=0)
 
 
 def two_rows(*values: float) -> Tensor:
@@ -89,4 +93,4 @@ def test_a_weight_of_zero_switches_a_term_off() -> None:
 @pytest.mark.parametrize("wrong", [{"sky": -1.0}, {"beta": 0.0}, {"confidence_tolerance": 0.0}])
 def test_wrong_values_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="must"):
-        LircdepthLossConfig(**wrong)  # type: ignore[arg-type]  # one of them is a whole number
+        replace(LOSS, **wrong)  # type: ignore[arg-type]  # one of them is a whole number

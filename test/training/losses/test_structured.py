@@ -9,22 +9,26 @@ from torch import Tensor
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
-from radcam_depth_ros.networks import Depths, StructuredOutputs
+from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.networks.structured import StructuredOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
 from radcam_depth_ros.training.errors import TrainingError
+from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.losses.smoothness import smoothness_loss
 from radcam_depth_ros.training.losses.structured import (
-    StructuredLossConfig,
+    LossConfig,
     coarse_loss,
     depth_loss,
     segmentation_loss,
     total_loss,
 )
 
+LOSS: LossConfig = Criterion.of("structured", {}).config
+
 NAN, INF = float("nan"), float("inf")
 ROAD, BUILDING, SKY, CAR = (CLASS_NAMES.index(name) for name in ("road", "building", "sky", "car"))
-CONFIG = StructuredLossConfig(sky_margin_px=0)
+CONFIG = replace(LOSS, sky_margin_px=0)
 
 
 def row(values: list[float]) -> Tensor:
@@ -90,7 +94,7 @@ def test_the_road_weighs_omega_and_all_else_the_rest() -> None:
 
 
 def test_sky_and_what_is_beyond_the_range_are_drawn_to_the_farthest_depth() -> None:
-    config = StructuredLossConfig(sky=0.5)
+    config = replace(LOSS, sky=0.5)
     loss = depth_loss(row([90.0, 70.0]), row([INF, 140.0]), shown([SKY, BUILDING]), 100.0, config)
     assert float(loss) == pytest.approx(0.5 * 0.6 * (10 + 30) / 2)
 
@@ -184,4 +188,4 @@ def test_training_reaches_every_parameter_with_finite_gradients(fusion: str) -> 
 )
 def test_wrong_weights_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="must"):
-        StructuredLossConfig(**wrong)  # type: ignore[arg-type]  # keys are of several types
+        replace(LOSS, **wrong)  # type: ignore[arg-type]  # keys are of several types
