@@ -180,7 +180,7 @@ class RadcamDepthNode(LifecycleNode):
         return True
 
     def _on_parameters(self, names: tuple[str, ...]) -> None:
-        """Takes up parameters that were set while the node is active; they were judged before."""
+        """Takes up parameters that were set while the node is active; they were checked before."""
         if self._session is None or self._inputs is None or self._estimator is None:
             return
         try:

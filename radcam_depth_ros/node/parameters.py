@@ -63,7 +63,7 @@ class Parameters:
         """Why parameters that are not live can't be changed now; empty when they can."""
         for spec in PARAMETERS:
             self._declare(spec)
-        node.add_on_set_parameters_callback(self._judge)
+        node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._note)
 
     def read(self) -> NodeConfig:
@@ -106,7 +106,7 @@ class Parameters:
         except ParameterUninitializedException:
             return spec.default
 
-    def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Whether parameters may be set to new values, all together."""
         changes = {parameter.name: parameter.value for parameter in parameters if parameter.name in _BY_NAME}
         try:

@@ -141,7 +141,7 @@ def test_what_cannot_be_used_is_refused_in_a_file_and_when_set(
     node.destroy_node()
 
 
-def test_parameters_are_judged_together(context: Any) -> None:
+def test_parameters_are_checked_together(context: Any) -> None:
     node = Node("radcam_depth", context=context)
     parameters = Parameters(node)
     near, far = Parameter("preview_near_m", value=100.0), Parameter("preview_far_m", value=200.0)
