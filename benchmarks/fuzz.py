@@ -158,9 +158,7 @@ class Fuzz:
             self._now_ns += _PERIOD_NS
             started = time.perf_counter()
             try:
-                frames = self._guarded(
-                    number, sent.kind, partial(builder.accept, sent.topic, sent.message, self._now_ns)
-                )
+                frames = self._guarded(number, sent.kind, partial(builder.add, sent.topic, sent.message, self._now_ns))
             except RadcamDepthError:
                 self._counts[sent.kind, False] += 1
                 frames = ()
@@ -259,7 +257,7 @@ class Fuzz:
             (RADAR, sweep_ns),
             (IMAGE, self._now_ns),
         ):
-            frames += builder.accept(topic, fuzz_messages.good(topic, stamp_ns), self._now_ns)
+            frames += builder.add(topic, fuzz_messages.good(topic, stamp_ns), self._now_ns)
         return frames + builder.expire(self._now_ns + 200_000_000)
 
 

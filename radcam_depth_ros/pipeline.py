@@ -42,8 +42,8 @@ class Pipeline:
         self._encoder.config = output
 
     def build(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
-        """Takes one message and gives the frames that are complete now, see `FrameBuilder.accept`."""
-        return self.frame_builder.accept(topic, message, now_ns)
+        """Takes one message and gives the frames that are complete now, see `FrameBuilder.add`."""
+        return self.frame_builder.add(topic, message, now_ns)
 
     def estimate(self, frame: Frame, wanted: Collection[str]) -> DepthResult | None:
         """Estimates a frame's depth.

@@ -158,10 +158,7 @@ def test_a_topic_takes_three_files(copy: Path) -> None:
     encoder = copy / "radcam_depth_ros" / "encoder.py"
     insert(encoder, '    )\n}\n"""Every output topic, by name."""', OUTPUT)
     insert(encoder, "_IMAGE, _CAMERA_INFO =", ENCODER)
-    (copy / "test" / "test_dummy_topic.py").write_text(
-        'from radcam_depth_ros.encoder import OUTPUTS\n\n\ndef test_its_name() -> None:\n    assert "dummy" in OUTPUTS\n',
-        encoding="utf-8",
-    )
+    (copy / "test" / "test_dummy_topic.py").write_text(OUTPUT_TEST, encoding="utf-8")
     run(copy, "scripts/generate_pages.py")
     assert "`depth/dummy`" in (copy / "README.md").read_text(encoding="utf-8")
     tests(copy, "test/test_dummy_topic.py", "test/test_pipeline.py", "test/test_replay.py", "test/test_architecture.py")

@@ -14,8 +14,8 @@ from radcam_depth_ros.calibration.pictures import draw_view
 from radcam_depth_ros.calibration.placements import alternatives
 from radcam_depth_ros.calibration.recording import CalibrationError, Recording, read_recording
 from radcam_depth_ros.calibration.report import OK, SUSPECT, UNKNOWN, Report, SensorReport
-from radcam_depth_ros.calibration.timing import judge_times
-from radcam_depth_ros.calibration.verdict import judge, judge_radar
+from radcam_depth_ros.calibration.timing import check_times
+from radcam_depth_ros.calibration.verdict import check_radar, check_sensor
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.pairing import for_each_radar
@@ -50,7 +50,7 @@ def check(
     steps = len(recording.radars) + 2
     for index, radar in enumerate(recording.radars):
         placements = alternatives(radar.camera_from_radar, up, "camera_from_radar")
-        sensors.append(judge_radar(recording, index, Evidence(recording, index), placements))
+        sensors.append(check_radar(recording, index, Evidence(recording, index), placements))
         progress("comparing", index + 1, steps)
     if recording.camera_from_lidar is not None:
         sensors.append(_judge_lidar(recording, sensors, up))
@@ -58,7 +58,7 @@ def check(
     offsets_s = for_each_radar(
         "radar_time_offset_s", settings.frame_builder.pairing.radar_time_offset_s, len(recording.topics.radars)
     )
-    times = judge_times(recording, offsets_s)
+    times = check_times(recording, offsets_s)
     progress("comparing", steps, steps)
     verdicts = [sensor.verdict for sensor in sensors[: len(recording.radars)]]
     verdict = UNKNOWN if UNKNOWN in verdicts else OK
@@ -84,7 +84,7 @@ def _judge_lidar(recording: Recording, radars: list[SensorReport], up: np.typing
     believed = [index for index, report in enumerate(radars) if report.verdict != SUSPECT]
     placements = alternatives(recording.camera_from_lidar, up, "camera_from_lidar")
     parts = lidar_parts(recording, placements, believed)
-    return judge(topic, placements, parts, points, LIDAR_PARTS, ("a radar whose place is right",))
+    return check_sensor(topic, placements, parts, points, LIDAR_PARTS, ("a radar whose place is right",))
 
 
 def _write_pictures(recording: Recording, out: Path, progress: Callable[[str, int, int], None]) -> tuple[str, ...]:

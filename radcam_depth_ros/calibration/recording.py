@@ -1,4 +1,4 @@
-"""What is read of a bag to judge its calibration."""
+"""Reads what a calibration check needs from a bag."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ class _Reading:
         else:
             if item.topic in topics.radars:
                 self._sweep(item)
-            for frame in self._frame_builder.accept(item.topic, item.message, now_ns):
+            for frame in self._frame_builder.add(item.topic, item.message, now_ns):
                 self._look(frame)
 
     def _follow(self, item: BagMessage) -> None:
@@ -195,7 +195,7 @@ class _Reading:
                 transforms=self._frame_builder.transforms,
                 anchor=frame_id,
             )
-        self._motion.accept(item.message)
+        self._motion.add(item.message)
 
     def _camera_frame(self) -> str:
         for item in self._reader.messages([self._topics.image]):

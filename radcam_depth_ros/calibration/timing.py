@@ -24,7 +24,7 @@ _HALF_WINDOW_NS = 40_000_000
 _SECOND = 1_000_000_000
 
 
-def judge_times(recording: Recording, offsets_s: Sequence[float]) -> tuple[TimeReport, ...]:
+def check_times(recording: Recording, offsets_s: Sequence[float]) -> tuple[TimeReport, ...]:
     """Of each radar, by how much its stamps are off.
 
     Its speed over ground by Doppler is compared with that of the odometry, whose clock is to be the camera's, and its

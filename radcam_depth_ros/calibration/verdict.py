@@ -44,7 +44,7 @@ def scores_of(parts: DoubleArray) -> DoubleArray:
     return _mean(parts / np.where(best >= _LEAST_PART, best, np.nan), 2)
 
 
-def judge_radar(recording: Recording, index: int, evidence: Evidence, placements: Sequence[Placement]) -> SensorReport:
+def check_radar(recording: Recording, index: int, evidence: Evidence, placements: Sequence[Placement]) -> SensorReport:
     """A verdict on a radar's place."""
     radar = recording.radars[index]
     points = sum(len(view.radar_m[index]) for view in recording.views)
@@ -54,7 +54,7 @@ def judge_radar(recording: Recording, index: int, evidence: Evidence, placements
     yaw_deg, yaw_error_deg = yaw_off(recording, radar)
     would_tell = () if recording.camera_from_lidar is not None else ("LiDAR",)
     would_tell = (*would_tell, "odometry in turns")
-    report = judge(radar.topic, placements, evidence.parts(placements), points, PARTS, would_tell)
+    report = check_sensor(radar.topic, placements, evidence.parts(placements), points, PARTS, would_tell)
     least_deg = math.inf if yaw_error_deg is None else max(_YAW_SUSPECT_DEG, _CERTAIN * yaw_error_deg)
     if report.verdict != SUSPECT and yaw_deg is not None and abs(yaw_deg) > least_deg:
         sentence = (
@@ -65,7 +65,7 @@ def judge_radar(recording: Recording, index: int, evidence: Evidence, placements
     return dataclasses.replace(report, yaw_off_deg=yaw_deg, yaw_error_deg=yaw_error_deg)
 
 
-def judge(
+def check_sensor(
     topic: str,
     placements: Sequence[Placement],
     parts: DoubleArray,

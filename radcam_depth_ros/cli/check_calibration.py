@@ -75,12 +75,12 @@ def check_calibration(
     with progress_bar() as bar:
         tasks = {}
 
-        def tell(stage: str, done: int, total: int) -> None:
+        def show(stage: str, done: int, total: int) -> None:
             if stage not in tasks:
                 tasks[stage] = bar.add_task(stage, total=total)
             bar.update(tasks[stage], completed=done, total=total)
 
-        report = calibration.check(bag, node.drive_settings(), frames=frames, out=out, progress=tell)
+        report = calibration.check(bag, node.drive_settings(), frames=frames, out=out, progress=show)
     if json_target is not None:
         write_json(dataclasses.asdict(report), json_target)
     else:

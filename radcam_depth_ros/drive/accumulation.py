@@ -48,7 +48,7 @@ def accumulate(
         if scan is nearest or np.linalg.norm(camera_from_scan.translation) > config.window_m:
             continue
         points_m = _in_view(camera_from_scan.apply(scan.standing_m(scans, tolerance)), camera)
-        verdict = nearest.view.judge(nearest_from_camera.apply(points_m), tolerance)
+        verdict = nearest.view.check(nearest_from_camera.apply(points_m), tolerance)
         parts.append(points_m[(verdict != Verdict.SEEN_THROUGH) & (verdict != Verdict.HIDDEN)])
     return without_occluded(depth_image(np.concatenate(parts), camera), camera, config)
 

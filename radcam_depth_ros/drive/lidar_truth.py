@@ -31,7 +31,7 @@ class LidarTruth:
         settings: How.
         transforms: The vehicle's fixed frames.
         ahead: The bag, for this alone: it is read ahead of the images.
-        tell: Told once where scans should be accumulated, and cannot be.
+        warn: Told once where scans should be accumulated, and cannot be.
         many: Accumulate scans where that is possible; else the nearest alone is wanted.
     """
 
@@ -42,19 +42,19 @@ class LidarTruth:
         settings: DriveSettings,
         transforms: TransformTree,
         ahead: BagReader,
-        tell: Callable[[str], None],
+        warn: Callable[[str], None],
         *,
         many: bool,
     ) -> None:
         self.topic = lidar
         self._topics, self._settings, self._transforms = topics, settings, transforms
-        self._ahead, self._tell, self._many = ahead, tell, many
+        self._ahead, self._warn, self._many = ahead, warn, many
         self._max_offset_ns = round(settings.max_lidar_offset_s * 1e9)
         self._scans: deque[PointsReading] = deque(maxlen=32)
         self._moved: MovedScans | None = None
         self._is_started = False
 
-    def accept(self, message: Any) -> None:
+    def add(self, message: Any) -> None:
         """Takes a scan."""
         self._scans.append(decode_points(message))
 
@@ -95,7 +95,7 @@ class LidarTruth:
             )
             if self._settings.accumulate == "always":
                 raise DriveError(f"the bag's LiDAR scans cannot be accumulated: {lack}")
-            self._tell(f"ground truth is the nearest LiDAR scan alone, as it lies at its own time: {lack}")
+            self._warn(f"ground truth is the nearest LiDAR scan alone, as it lies at its own time: {lack}")
 
     def _as_it_lies(self, frame: Frame, scan: PointsReading) -> LidarDepth:
         camera_from_lidar = self._transforms.lookup(frame.frame_id, scan.frame_id)

@@ -54,7 +54,7 @@ class RangeView:
         self._near = _spread(near.reshape(_ROWS, _COLUMNS), np.minimum).astype(np.float16).ravel()
         self._far = _spread(far.reshape(_ROWS, _COLUMNS), np.maximum).astype(np.float16).ravel()
 
-    def judge(self, points_m: FloatArray, tolerance: Tolerance) -> npt.NDArray[np.uint8]:
+    def check(self, points_m: FloatArray, tolerance: Tolerance) -> npt.NDArray[np.uint8]:
         """The `Verdict` on each of some points (N, 3), metres around the sensor, z up.
 
         A point is seen through when all returns around its direction are clearly behind it, and hidden when all are

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from radcam_depth_ros.bags import BagReader
@@ -33,9 +34,9 @@ def prime(reader: BagReader, frame_builder: FrameBuilder, topics: SensorTopics) 
     """
     if topics.tf_static:
         for message in reader.messages([topics.tf_static]):
-            frame_builder.accept("/tf_static", message.message, message.log_time_ns)
+            frame_builder.add("/tf_static", message.message, message.log_time_ns)
     for message in reader.messages([topics.camera_info]):
-        frame_builder.accept(message.topic, message.message, message.log_time_ns)
+        frame_builder.add(message.topic, message.message, message.log_time_ns)
         break
 
 
@@ -51,25 +52,21 @@ def unmoved(frame_builder: FrameBuilder, frames: int) -> str:
 
 
 def read_samples(
-    path: Path | str, settings: DriveSettings | None = None, tell: Callable[[str], None] | None = None
+    path: Path | str, settings: DriveSettings | None = None, warn: Callable[[str], None] | None = None
 ) -> Iterator[Sample]:
     """Reads a bag's frames with their ground truth, in order, each image that has one camera_info.
 
     Args:
         path: A rosbag2 folder or .mcap file.
         settings: How to read it.
-        tell: Told, in a sentence each, of what the bag lacks but can be done without; a `DriveWarning` by default.
+        warn: Told, in a sentence each, of what the bag lacks but can be done without; a `DriveWarning` by default.
 
     Raises:
         RadcamDepthError: when the bag lacks what a frame needs, or holds a message that cannot be used; at the end, or
             once it is certain, also when the sensors' stamps do not fit together.
     """
     settings = settings or DriveSettings()
-
-    def warn(sentence: str) -> None:
-        warnings.warn(f"{path}: {sentence}", DriveWarning, stacklevel=2)
-
-    tell = tell or warn
+    warn = warn or partial(_warn_of, path)
     with BagReader(path) as reader, BagReader(path) as ahead:
         topics = settings.find_topics(reader)
         config = settings.frame_builder_of(topics)
@@ -77,15 +74,15 @@ def read_samples(
         prime(reader, frame_builder, topics)
         # What is fixed, without the links of /tf that the frame_builder adds.
         fixed = frame_builder.transforms.copy()
-        truth = GroundTruth(topics, settings, fixed, ahead, tell)
+        truth = GroundTruth(topics, settings, fixed, ahead, warn)
         fit = _Fit(topics, settings, frame_builder, truth)
         waiting: deque[Frame] = deque()
         wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics, *moving}
         for message in reader.messages(wanted):
             now_ns = message.log_time_ns
-            truth.accept(message.topic, message.message)
+            truth.add(message.topic, message.message)
             waiting.extend(frame_builder.expire(now_ns))
-            waiting.extend(frame_builder.accept(moving.get(message.topic, message.topic), message.message, now_ns))
+            waiting.extend(frame_builder.add(moving.get(message.topic, message.topic), message.message, now_ns))
             if message.topic not in moving:
                 fit.note(message.topic, stamp_ns(message.message.header), now_ns)
             while waiting and truth.is_complete(waiting[0], now_ns):
@@ -93,9 +90,13 @@ def read_samples(
         waiting.extend(frame_builder.flush())
         for frame in waiting:
             yield fit.counted(truth.sample(frame))
-        fit.judge(tell)
+        fit.check(warn)
         if frame_builder.unmoved_frames:
-            tell(unmoved(frame_builder, fit.frames))
+            warn(unmoved(frame_builder, fit.frames))
+
+
+def _warn_of(path: Path | str, sentence: str) -> None:
+    warnings.warn(f"{path}: {sentence}", DriveWarning, stacklevel=2)
 
 
 class _Fit:
@@ -132,7 +133,7 @@ class _Fit:
             self._check_clocks()
         return sample
 
-    def judge(self, tell: Callable[[str], None]) -> None:
+    def check(self, warn: Callable[[str], None]) -> None:
         """At a bag's end: refuses one whose radars or ground truth fit hardly any image."""
         self._check_clocks()
         if self.frames < _JUDGED_FRAMES:
@@ -145,14 +146,14 @@ class _Fit:
         for radar in counts.radars:
             if radar.unmatched >= _UNMATCHED_SHARE * self.frames:
                 reason = self._clocks.reason(radar.name, limit_s)
-                tell(f"{radar.unmatched} of {self.frames} images have no sweep of {radar.name}: {reason}")
+                warn(f"{radar.unmatched} of {self.frames} images have no sweep of {radar.name}: {reason}")
         topic = self._truth.depth_topic
         if topic is not None and self._blind >= _UNMATCHED_SHARE * self.frames:
             reason = self._why_blind(topic)
             sentence = f"{self._blind} of {self.frames} images have no ground truth: {reason}"
             if self._blind == self.frames:
                 raise DriveError(sentence)
-            tell(sentence)
+            warn(sentence)
 
     def _why_blind(self, topic: str) -> str:
         if len(self._left_out) > self._blind / 2:

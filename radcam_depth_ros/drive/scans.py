@@ -60,7 +60,7 @@ class Scan:
         seen, through = (np.zeros(len(self.points_m), np.int8) for _ in range(2))
         for other in witnesses:
             there = other.world_from_scan.inverse() @ self.world_from_scan
-            verdict = other.view.judge(there.apply(self.points_m), tolerance)
+            verdict = other.view.check(there.apply(self.points_m), tolerance)
             seen += verdict == Verdict.AGREES
             through += (verdict == Verdict.SEEN_THROUGH) | (verdict == Verdict.OPEN)
         return (through >= seen) & (through > 0)
@@ -129,7 +129,7 @@ class ScanWindow:
         if message is None:
             return False
         if message.topic == self._motion.topic:
-            self._motion.accept(message.message)
+            self._motion.add(message.message)
         else:
             scan = decode_points(message.message)
             if self._newest_ns is not None and scan.stamp_ns < self._newest_ns - _JUMP_NS:

@@ -26,7 +26,7 @@ class GroundTruth:
         settings: What is wanted.
         transforms: The vehicle's fixed frames.
         ahead: The bag, for this alone: scans and poses are read ahead of the images.
-        tell: Told once of what the bag lacks for it.
+        warn: Told once of what the bag lacks for it.
 
     Raises:
         DriveError: when the bag lacks what the settings ask for.
@@ -38,7 +38,7 @@ class GroundTruth:
         settings: DriveSettings,
         transforms: TransformTree,
         ahead: BagReader,
-        tell: Callable[[str], None],
+        warn: Callable[[str], None],
     ) -> None:
         wanted = settings.ground_truth
         self._exact = topics.depth if wanted in ("any", "exact", "both") else None
@@ -53,7 +53,7 @@ class GroundTruth:
         self._radars = topics.radars
         # Beside exact depth the nearest scan alone is wanted.
         many = settings.accumulate != "never" and self._exact is None
-        self._lidar = LidarTruth(lidar, topics, settings, transforms, ahead, tell, many=many) if lidar else None
+        self._lidar = LidarTruth(lidar, topics, settings, transforms, ahead, warn, many=many) if lidar else None
         # What comes later than this after its image is not waited for.
         self._patience_ns = round(settings.max_lidar_offset_s * 1e9) + 500_000_000
         self._depths: deque[DepthReading] = deque(maxlen=32)
@@ -70,12 +70,12 @@ class GroundTruth:
         """Where the depth comes from."""
         return self._exact or (self._lidar.topic if self._lidar else None)
 
-    def accept(self, topic: str, message: Any) -> None:
+    def add(self, topic: str, message: Any) -> None:
         """Takes a message; those of other topics are ignored."""
         if topic == self._exact:
             self._depths.append(decode_depth(message))
         elif self._lidar is not None and topic == self._lidar.topic:
-            self._lidar.accept(message)
+            self._lidar.add(message)
         elif topic == self._classes:
             self._class_images.append(decode_classes(message))
 

@@ -96,7 +96,7 @@ class FrameBuilder:
         """Of each radar: stamps of the last sweeps that were taken, corrected, minus the images', seconds."""
         return dict(zip(self.config.radars, self._pairer.offsets_s, strict=True))
 
-    def accept(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
+    def add(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
         """Takes one message.
 
         Args:
@@ -127,11 +127,11 @@ class FrameBuilder:
             for link in links:
                 self.transforms.set(link.parent_frame, link.child_frame, link.parent_from_child)
                 if topic == TRANSFORM_TOPICS[1]:
-                    self._mounts.accept(link)
+                    self._mounts.add(link)
             if topic == TRANSFORM_TOPICS[1] and self._motion is not None and not self.config.odometry:
-                self._motion.accept_links(links)
+                self._motion.add_links(links)
         elif topic == self.config.odometry and self._motion is not None:
-            self._motion.accept(message)
+            self._motion.add(message)
         return ()
 
     def expire(self, now_ns: int) -> tuple[Frame, ...]:

@@ -22,7 +22,7 @@ class Mounts:
         self._transforms = transforms
         self._moving = MovingLinks(memory)
 
-    def accept(self, link: StampedTransform) -> None:
+    def add(self, link: StampedTransform) -> None:
         """Takes a link of `/tf`, which the tree has already."""
         parent, child = link.parent_frame.lstrip("/"), link.child_frame.lstrip("/")
         self._moving.add(parent, child, link.stamp_ns, link.parent_from_child)

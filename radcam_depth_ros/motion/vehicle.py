@@ -62,14 +62,14 @@ class Motion:
         self._odom_frame = odom_frame.lstrip("/")
         self._links = MovingLinks(memory)
 
-    def accept(self, message: Any) -> None:
+    def add(self, message: Any) -> None:
         """Takes a message of `topic`.
 
         Raises:
             RadcamDepthError: for one that cannot be used.
         """
         if not self._is_odometry:
-            self.accept_links(decode_transforms(message))
+            self.add_links(decode_transforms(message))
             return
         reading = decode_odometry(message)
         if not reading.child_frame_id:
@@ -80,7 +80,7 @@ class Motion:
         self._judge_frame(reading.child_frame_id)
         self._add_base(reading.frame_id, reading.child_frame_id, reading.stamp_ns, reading.pose)
 
-    def accept_links(self, links: Iterable[StampedTransform]) -> None:
+    def add_links(self, links: Iterable[StampedTransform]) -> None:
         """Takes links of /tf."""
         above = self._above_anchor() if self._odom_frame else ()
         for link in links:

@@ -55,7 +55,7 @@ class RadcamDepthNode(LifecycleNode):
         super().__init__(NODE_NAME, **options)
         self._make_estimator = make_estimator
         self._problems = Problems(self._log)
-        self._settings = Parameters(self, self._on_parameters)
+        self._settings = Parameters(self, self._on_parameters, lambda sentence: self._log(Level.WARN, sentence))
         self._phase = "unconfigured"
         self._config: NodeConfig | None = None
         self._inputs: Inputs | None = None
@@ -180,7 +180,7 @@ class RadcamDepthNode(LifecycleNode):
         return True
 
     def _on_parameters(self, names: tuple[str, ...]) -> None:
-        """Takes up parameters that were set while the node is active; they were judged before."""
+        """Takes up parameters that were set while the node is active; they were checked before."""
         if self._session is None or self._inputs is None or self._estimator is None:
             return
         try:

@@ -71,7 +71,7 @@ class Diagnostics:
         )
 
     def _model(self, snapshot: Snapshot) -> Status:
-        problem = self._problems.tell("model", "parameters")
+        problem = self._problems.show("model", "parameters")
         if problem:
             return Status("model", *problem, self._problems.history("model", "parameters"))
         if not snapshot.model:

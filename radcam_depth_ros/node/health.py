@@ -118,7 +118,7 @@ class Problems:
         with self._lock:
             self._present.clear()
 
-    def tell(self, *parts: str) -> tuple[Level, str] | None:
+    def show(self, *parts: str) -> tuple[Level, str] | None:
         """Level and sentence of the first of these parts that has a problem; problems that are over are forgotten."""
         with self._lock:
             told = [self._present[part] for part in parts if part in self._present]

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.parameters import (
     PARAMETERS,
+    RENAMED,
     NodeConfig,
     ParameterError,
     ParameterKind,
@@ -52,10 +53,17 @@ class Parameters:
     Args:
         node: Whose parameters these are.
         on_set: Called with the names of parameters that were set.
+        warn: Called with a sentence for each parameter that is given under an old name.
     """
 
-    def __init__(self, node: Node, on_set: Callable[[tuple[str, ...]], None] = lambda names: None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        on_set: Callable[[tuple[str, ...]], None] = lambda names: None,
+        warn: Callable[[str], None] = lambda sentence: None,
+    ) -> None:
         self._node = node
+        self._warn = warn
         self._on_set = on_set
         self._refused: dict[str, str] = {}
         """What the parameter file gave that cannot be used, until it is set to something else."""
@@ -63,7 +71,7 @@ class Parameters:
         """Why parameters that are not live can't be changed now; empty when they can."""
         for spec in PARAMETERS:
             self._declare(spec)
-        node.add_on_set_parameters_callback(self._judge)
+        node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._note)
 
     def read(self) -> NodeConfig:
@@ -77,10 +85,12 @@ class Parameters:
         return self._build({})
 
     def _declare(self, spec: ParameterSpec) -> None:
-        # Declared twice: first without a type, to see what the parameter file gives whatever its type.
-        given = self._node.declare_parameter(spec.name, None, ParameterDescriptor(dynamic_typing=True)).value
-        self._node.undeclare_parameter(spec.name)
-        value = spec.default
+        given, value = self._given(spec.name), spec.default
+        for old in (old for old, new in RENAMED.items() if new == spec.name):
+            by_old_name = self._given(old)
+            if by_old_name is not None:
+                self._warn(f"the parameter {old} is now called {spec.name}; rename it in the parameter file")
+                given = by_old_name if given is None else given
         if given is not None:
             try:
                 value = spec.convert(given)
@@ -94,6 +104,12 @@ class Parameters:
             value = list(value) or [""]
         self._node.declare_parameter(spec.name, value, describe(spec), ignore_override=True)
 
+    def _given(self, name: str) -> Any:
+        """What the parameter file gives, whatever its type: declared without one, to be declared again."""
+        given = self._node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True)).value
+        self._node.undeclare_parameter(name)
+        return given
+
     def _build(self, changes: dict[str, Any]) -> NodeConfig:
         """The config with some parameters changed."""
         return build_config(
@@ -106,7 +122,7 @@ class Parameters:
         except ParameterUninitializedException:
             return spec.default
 
-    def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Whether parameters may be set to new values, all together."""
         changes = {parameter.name: parameter.value for parameter in parameters if parameter.name in _BY_NAME}
         try:

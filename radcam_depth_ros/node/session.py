@@ -77,7 +77,7 @@ class Session:
         self._images: OrderedDict[int, tuple[int, int]] = OrderedDict()  # by stamp: when it came and was decoded
         self.rates = {source.part: Rate() for source in inputs}
         """Messages of each part, good ones and bad ones."""
-        self.accepted = {source.part: 0 for source in inputs}
+        self.used = {source.part: 0 for source in inputs}
         """How many of them could be used."""
         self.stamps = {source.part: Stamps() for source in (inputs.camera, *inputs.radars)}
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
@@ -131,21 +131,21 @@ class Session:
         now_ns = time.monotonic_ns()
         self.rates[source.part].tick(now_ns)
         try:
-            frames = self._accept(source, message, now_ns)
+            frames = self._build(source, message, now_ns)
         except FrameBuilderError as error:
-            self._judge(source, message, now_ns)
+            self._check(source, message, now_ns)
             self._on_unusable_image(error)
         except RadcamDepthError as error:
             self._problems.report(source.part, Level.ERROR, str(error))
         except Exception as error:  # the boundary: a message must never take the node down
             self._on_defect(source.part, error)
         else:
-            self._judge(source, message, now_ns)
+            self._check(source, message, now_ns)
             if source is self.inputs.camera_info:
                 self.warm_up.follow()
             self._hand_over(frames)
 
-    def _accept(self, source: Input, message: Any, now_ns: int) -> tuple[Frame, ...]:
+    def _build(self, source: Input, message: Any, now_ns: int) -> tuple[Frame, ...]:
         try:
             return self.pipeline.build(source.topic, message, self.clock.now_ns())
         finally:
@@ -164,9 +164,9 @@ class Session:
         else:
             self._hand_over(frames)
 
-    def _judge(self, source: Input, message: Any, arrived_ns: int) -> None:
+    def _check(self, source: Input, message: Any, arrived_ns: int) -> None:
         """Takes note of a message that could be read, and of what can be wrong with it all the same."""
-        self.accepted[source.part] += 1
+        self.used[source.part] += 1
         if source is self.inputs.camera or source in self.inputs.radars:
             self.stamps[source.part].add(_stamp_ns(message), arrived_ns)
         if source in self.inputs.radars:
@@ -198,7 +198,7 @@ class Session:
     def _hand_over(self, frames: tuple[Frame, ...]) -> None:
         if frames:
             self._problems.settle("frame")
-            self._judge_motion()
+            self._check_motion()
         for frame in frames:
             self.frames_in += 1
             now_ns = time.monotonic_ns()
@@ -224,7 +224,7 @@ class Session:
             self._latency_topics.publish(times)
             self.frames_out.tick(now_ns)
             self._problems.settle("inference")
-            self._judge_view(len(frame.radar), result.radar_in_view)
+            self._check_view(len(frame.radar), result.radar_in_view)
         finally:
             self.busy_since_ns = None
 
@@ -244,7 +244,7 @@ class Session:
             "set the parameter without_radar to camera_only",
         )
 
-    def _judge_view(self, returns: int, in_view: int) -> None:
+    def _check_view(self, returns: int, in_view: int) -> None:
         if returns and not in_view:
             self._problems.report(
                 "view",
@@ -255,7 +255,7 @@ class Session:
         else:
             self._problems.settle("view")
 
-    def _judge_motion(self) -> None:
+    def _check_motion(self) -> None:
         """Where returns cannot be moved to the image's time: depth comes all the same, so the log has it once."""
         problem = self.frame_builder.motion_problem
         if problem:

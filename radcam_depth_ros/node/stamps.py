@@ -1,4 +1,4 @@
-"""What the stamps of a sensor's messages tell: how far they are from the camera's, and how many are missing."""
+"""Statistics of a sensor's stamps: their offset from the camera's, and the share that is missing."""
 
 from __future__ import annotations
 

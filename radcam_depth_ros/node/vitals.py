@@ -63,12 +63,12 @@ class Vitals:
             ("type", source.type_name),
             ("publishers", str(self._node.count_publishers(source.topic))),
             ("messages", str(rate.count)),
-            ("used", str(session.accepted[source.part])),
+            ("used", str(session.used[source.part])),
             *_pace(rate),
             *self._stamps(source),
             *self._problems.history(source.part),
         )
-        problem, silent_s = self._problems.tell(source.part), self.watchdog.silence_s(source)
+        problem, silent_s = self._problems.show(source.part), self.watchdog.silence_s(source)
         if problem:
             # Silence may well come of the problem, so the problem is told first.
             since = "" if silent_s is None else f" (and nothing for {silent_s:.0f} s)"
@@ -107,7 +107,7 @@ class Vitals:
             ("frames", " ".join(session.frame_builder.transforms.frames)),
             *self._problems.history(*parts),
         )
-        problem, extrinsics = self._problems.tell(*parts), session.inputs.extrinsics
+        problem, extrinsics = self._problems.show(*parts), session.inputs.extrinsics
         if problem:
             level, sentence = problem
             if extrinsics and not self._problems.peek(extrinsics.part) and self.watchdog.lacks(extrinsics):
@@ -122,10 +122,10 @@ class Vitals:
     def _pairing(self) -> Status:
         counts, before = self._session.frame_builder.counts, self._before
         self._before = counts
-        self._judge_stamps(counts, before)
+        self._check_stamps(counts, before)
         parts = ("clocks", "pairing", "stamps", "view", "motion")
         values = (*self._pairing_values(counts), *self._problems.history(*parts))
-        problem = self._problems.tell(*parts)
+        problem = self._problems.show(*parts)
         if problem:
             return Status("pairing", *problem, values)
         unmatched = counts.unmatched - before.unmatched
@@ -167,7 +167,7 @@ class Vitals:
             values.append(("frames without motion", str(frame_builder.unmoved_frames)))
         return tuple(values)
 
-    def _judge_stamps(self, counts: PairingCounts, before: PairingCounts) -> None:
+    def _check_stamps(self, counts: PairingCounts, before: PairingCounts) -> None:
         problems = self._problems
         if counts.resets > before.resets:
             problems.report(
@@ -177,7 +177,7 @@ class Vitals:
                 "the clock; images and sweeps from before are not paired with those from after",
             )
             problems.settle("pairing")
-        self._judge_leaps()
+        self._check_leaps()
         duplicates = counts.duplicates - before.duplicates
         if duplicates > 0:
             problems.report(
@@ -188,9 +188,9 @@ class Vitals:
             )
         elif counts.images > before.images:
             problems.settle("stamps")
-        self._judge_clocks()
+        self._check_clocks()
 
-    def _judge_leaps(self) -> None:
+    def _check_leaps(self) -> None:
         clock = self._session.clock
         if clock.leaps > self._leaps_before:
             self._problems.report(
@@ -202,7 +202,7 @@ class Vitals:
             self._problems.settle("pairing")
         self._leaps_before = clock.leaps
 
-    def _judge_clocks(self) -> None:
+    def _check_clocks(self) -> None:
         session = self._session
         for radar in session.inputs.radars:
             set_s = session.radar_time_offset_s(radar)
@@ -224,7 +224,7 @@ class Vitals:
             *_pace(session.frames_out),
             *self._problems.history("inference"),
         )
-        problem = self._problems.tell("inference")
+        problem = self._problems.show("inference")
         if problem:
             return Status("inference", *problem, values)
         camera = session.warm_up.camera
@@ -244,7 +244,7 @@ class Vitals:
             *_pace(session.frames_out),
             ("images", str(session.rates[camera].count)),
             ("frames out", str(session.frames_out.count)),
-            ("dropped: unreadable", str(session.rates[camera].count - session.accepted[camera])),
+            ("dropped: unreadable", str(session.rates[camera].count - session.used[camera])),
             ("dropped: duplicate", str(counts.duplicates)),
             ("dropped: no calibration or transform", str(session.images_unusable)),
             ("dropped: overload", str(session.frames_dropped)),
@@ -253,7 +253,7 @@ class Vitals:
             *self._outputs.subscribers(),
             *self._problems.history("output"),
         )
-        problem = self._problems.tell("output")
+        problem = self._problems.show("output")
         if problem:
             return Status("output", *problem, values)
         trouble = self.watchdog.trouble()

@@ -9,12 +9,13 @@ from radcam_depth_ros.parameters.assembly import build_config
 from radcam_depth_ros.parameters.config import IMAGE_TRANSPORTS, NodeConfig, ParameterError
 from radcam_depth_ros.parameters.file import NODE_NAME, ParameterFile, read_parameter_file
 from radcam_depth_ros.parameters.spec import ParameterKind, ParameterSpec
-from radcam_depth_ros.parameters.table import PARAMETERS, SECTIONS
+from radcam_depth_ros.parameters.table import PARAMETERS, RENAMED, SECTIONS
 
 __all__ = [
     "IMAGE_TRANSPORTS",
     "NODE_NAME",
     "PARAMETERS",
+    "RENAMED",
     "SECTIONS",
     "NodeConfig",
     "ParameterError",

@@ -15,7 +15,7 @@ import yaml
 
 from radcam_depth_ros.parameters.assembly import nearest_parameter
 from radcam_depth_ros.parameters.config import ParameterError
-from radcam_depth_ros.parameters.table import PARAMETERS
+from radcam_depth_ros.parameters.table import PARAMETERS, RENAMED
 
 NODE_NAME = "radcam_depth"
 _SECTION = "ros__parameters"
@@ -35,12 +35,14 @@ class ParameterFile:
         namespace: The node's, as the file names it: `/front`, or empty for none and for any.
         values: The node's parameters, by name.
         node_only: Names of those that mean something to a running node alone; they are not in `values`.
+        renamed: Old names in the file, each with the parameter that it stands for.
     """
 
     path: Path
     namespace: str
     values: Mapping[str, Any]
     node_only: tuple[str, ...] = ()
+    renamed: tuple[tuple[str, str], ...] = ()
 
 
 def read_parameter_file(path: Path | str) -> ParameterFile:
@@ -67,10 +69,13 @@ def read_parameter_file(path: Path | str) -> ParameterFile:
     given: dict[str, Any] = {}
     for values in own.values():
         given.update(_flat(values, path))
+    renamed = tuple((old, new) for old, new in RENAMED.items() if old in given)
+    for old, new in renamed:
+        given.setdefault(new, given.pop(old))
     _refuse_unknown(given, path)
     node_only = tuple(name for name in given if name in _NODE_ONLY or name.startswith(_QOS))
     values = {name: value for name, value in given.items() if name not in node_only}
-    return ParameterFile(path, _namespace(own, path), values, node_only)
+    return ParameterFile(path, _namespace(own, path), values, node_only, renamed)
 
 
 class _Loader(yaml.SafeLoader):

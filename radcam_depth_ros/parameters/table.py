@@ -51,4 +51,6 @@ SECTIONS = {
     "Network": {name: f"estimator.{name}" for name in ("network", "model_file", "device", "precision", "threads")},
 }
 """ROS name to field path, in the sections of the generated files."""
+RENAMED: dict[str, str] = {}
+"""Old name to new name of parameters that are still taken under the old one, for one release, with a warning."""
 PARAMETERS = tuple(ParameterSpec(name, path) for section in SECTIONS.values() for name, path in section.items())

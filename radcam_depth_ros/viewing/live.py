@@ -18,7 +18,7 @@ from radcam_depth_ros.frame_builder import TRANSFORM_TOPICS, FrameBuilder, Frame
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
 from radcam_depth_ros.viewing.picture import ViewError, draw_picture
 from radcam_depth_ros.viewing.recorded import RecordedDepth, Source, find_recorded_depth
-from radcam_depth_ros.viewing.view import RATES_HZ, STRIP_FRAMES, ViewOptions, accepted
+from radcam_depth_ros.viewing.view import RATES_HZ, STRIP_FRAMES, ViewOptions, frames_of
 
 FoundT = TypeVar("FoundT")
 _DOMAIN = "the ROS domain"
@@ -46,7 +46,7 @@ def view_live(
     options: ViewOptions | None = None,
     namespace: str | None = None,
     progress: Callable[[int], None] = lambda shown: None,
-    tell: Callable[[str], None] = lambda sentence: None,
+    warn: Callable[[str], None] = lambda sentence: None,
 ) -> int:
     """Draws what a node publishes, beside the images that it is of, until the source ends.
 
@@ -57,7 +57,7 @@ def view_live(
         options: Which frames; of those that have depth.
         namespace: Of the node's topics; by default where its depth is found.
         progress: Called with the number of pictures so far.
-        tell: Told, in a sentence each, what is left out of the pictures.
+        warn: Told, in a sentence each, what is left out of the pictures.
 
     Returns:
         The number of pictures.
@@ -69,7 +69,7 @@ def view_live(
     check_target(target)
     topics, place = source.find(lambda: _find(source, settings, namespace))
     if not topics.radars:
-        tell(f"radar returns are not drawn: radars with {TRANSFORM_TOPICS[0]} were not found")
+        warn(f"radar returns are not drawn: radars with {TRANSFORM_TOPICS[0]} were not found")
     refused: list[RadcamDepthError] = []
     depth = RecordedDepth(source, place, is_live=True)
     numbered = enumerate(_pictures(source, depth, topics, settings, options, refused.append), 1)
@@ -138,7 +138,7 @@ def _pictures(
         {topics.tf_static: TRANSFORM_TOPICS[0]} if topics.tf_static else {}
     )
     messages = source.messages({topics.image, topics.camera_info, *topics.radars, *names})
-    results = ((frame, depth.predict(frame)) for frame in accepted(messages, frame_builder, names, refused))
+    results = ((frame, depth.predict(frame)) for frame in frames_of(messages, frame_builder, names, refused))
     complete = ((frame, result) for frame, result in results if result is not None)
     for frame, result in itertools.islice(complete, 0, None, options.every):
         yield frame.stamp_ns, draw_picture(frame, result, options.width)

@@ -103,13 +103,13 @@ def _frames(reader: BagReader, topics: SensorTopics, settings: DriveSettings) ->
     frame_builder = FrameBuilder(settings.frame_builder_of(topics))
     prime(reader, frame_builder, topics)
     moving = motion_topics(topics, frame_builder.config)
-    yield from accepted(
+    yield from frames_of(
         reader.messages({topics.image, topics.camera_info, *topics.radars, *moving}), frame_builder, moving
     )
     yield from frame_builder.flush()
 
 
-def accepted(
+def frames_of(
     messages: Iterable[StoredMessage],
     frame_builder: FrameBuilder,
     names: Mapping[str, str],
@@ -126,9 +126,7 @@ def accepted(
     for message in messages:
         try:
             frames = frame_builder.expire(message.log_time_ns)
-            frames += frame_builder.accept(
-                names.get(message.topic, message.topic), message.message, message.log_time_ns
-            )
+            frames += frame_builder.add(names.get(message.topic, message.topic), message.message, message.log_time_ns)
         except RadcamDepthError as error:
             if refused is None:
                 raise

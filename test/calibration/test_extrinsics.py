@@ -10,7 +10,7 @@ from radcam_depth_ros.calibration import SensorReport
 from radcam_depth_ros.calibration.evidence import LIDAR_PARTS, PARTS, Evidence, lidar_parts
 from radcam_depth_ros.calibration.placements import OPTICAL_FROM_BODY, Placement, Pose, alternatives
 from radcam_depth_ros.calibration.recording import Recording
-from radcam_depth_ros.calibration.verdict import judge, judge_radar
+from radcam_depth_ros.calibration.verdict import check_radar, check_sensor
 
 UP = np.array([0.0, -1.0, 0.0])
 TRUE = Pose.of(CAMERA_FROM_RADAR)
@@ -40,7 +40,7 @@ def placed(recording: Recording, pose: Pose) -> tuple[Recording, tuple[Placement
 
 def report_of(recording: Recording, pose: Pose, *, with_lidar: bool = True) -> SensorReport:
     changed, placements = placed(recording, pose)
-    return judge_radar(changed, 0, Evidence(changed, 0, with_lidar=with_lidar), placements)
+    return check_radar(changed, 0, Evidence(changed, 0, with_lidar=with_lidar), placements)
 
 
 def without_lidar(recording: Recording) -> Recording:
@@ -135,7 +135,7 @@ def test_up_and_down_that_only_the_road_tells_are_not_ok(posts: Recording) -> No
     parts[..., :3] = [0.5, 0.5, 0.3]
     parts[0, :, :3] = [0.55, 0.78, 0.62]
     parts[[placement.name for placement in placements].index("with z flipped"), :, :3] = [0.56, 0.94, 0.62]
-    report = judge("/radar", placements, parts, 1000, PARTS, ())
+    report = check_sensor("/radar", placements, parts, 1000, PARTS, ())
     assert (report.verdict, report.undecided) == ("UNKNOWN", ("with z flipped",))
 
 
@@ -161,5 +161,5 @@ def test_the_lidar_is_judged_by_the_road_and_the_radar(posts: Recording, matrix:
     given = Pose(true.matrix @ matrix, true.translation_m)
     placements = alternatives(given, UP, "camera_from_lidar")
     parts = lidar_parts(dataclasses.replace(posts, camera_from_lidar=given), placements, (0,))
-    report = judge("/lidar/points", placements, parts, 1000, LIDAR_PARTS, ())
+    report = check_sensor("/lidar/points", placements, parts, 1000, LIDAR_PARTS, ())
     assert report.verdict == ("OK" if np.array_equal(matrix, np.eye(3)) else "SUSPECT"), report.sentence

@@ -8,7 +8,7 @@ import pytest
 from radcam_depth_ros.calibration import TimeReport
 from radcam_depth_ros.calibration.recording import Recording
 from radcam_depth_ros.calibration.signals import Signal, estimate_shift
-from radcam_depth_ros.calibration.timing import judge_times
+from radcam_depth_ros.calibration.timing import check_times
 from radcam_depth_ros.geometry import TransformTree
 from radcam_depth_ros.motion import Motion
 
@@ -22,7 +22,7 @@ def late(recording: Recording, late_s: float, **changes: object) -> Recording:
 
 
 def judged(recording: Recording, offset_s: float = 0.0) -> TimeReport:
-    (report,) = judge_times(recording, (offset_s,))
+    (report,) = check_times(recording, (offset_s,))
     return report
 
 

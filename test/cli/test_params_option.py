@@ -20,6 +20,7 @@ from radcam_depth_ros.cli.terminal.node_parameters import NodeParameters, node_p
 from radcam_depth_ros.drive import DriveSettings, TopicChoice
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilderConfig
+from radcam_depth_ros.parameters import RENAMED
 
 ROOT = Path(__file__).parents[2]
 NODE_YAML = ROOT / "config" / "node_all.yaml"
@@ -52,6 +53,14 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 def read(write: Callable[..., Path]) -> Callable[..., NodeParameters]:
     """What a file says, and options: `read({"image_topic": "/a"}, radar_sweeps=3)`."""
     return lambda given=None, **values: node_parameters(write(**values), given or {})
+
+
+def test_an_old_name_of_a_parameter_is_taken_and_named(
+    read: Callable[..., NodeParameters], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(RENAMED, "sweeps", "radar_sweeps")
+    assert read(sweeps=3).config.frame_builder.pairing.radar_sweeps == 3
+    assert "sweeps is now called radar_sweeps" in capsys.readouterr().err
 
 
 def test_without_a_file_and_options_a_bag_is_read_as_ever() -> None:

@@ -27,7 +27,7 @@ def test_a_shell_around_the_sensor_parts_near_from_far(radius: float, azimuth_de
     ray = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     distances = radius * np.array([0.9, 1.0, 1.1]) + np.array([-0.5, 0, 0.5])
     points = np.asarray(distances[:, None] * ray, np.float32)
-    assert view.judge(points, TOLERANCE).tolist() == [Verdict.SEEN_THROUGH, Verdict.AGREES, Verdict.HIDDEN]
+    assert view.check(points, TOLERANCE).tolist() == [Verdict.SEEN_THROUGH, Verdict.AGREES, Verdict.HIDDEN]
 
 
 def test_a_road_agrees_with_itself_between_the_beams() -> None:
@@ -35,7 +35,7 @@ def test_a_road_agrees_with_itself_between_the_beams() -> None:
     down = beams[beams[:, 2] < -0.01]
     view = RangeView(down * np.float32(1.8) / -down[:, 2:])
     between = rays(np.arange(-9.5, -2, 0.25, dtype=np.float32)).astype(np.float32)
-    verdict = view.judge(between * np.float32(1.8) / -between[:, 2:], TOLERANCE)
+    verdict = view.check(between * np.float32(1.8) / -between[:, 2:], TOLERANCE)
     assert (verdict == Verdict.AGREES).all()
 
 
@@ -43,9 +43,9 @@ def test_upwards_nothing_is_the_sky_and_downwards_nobody_knows() -> None:
     view = RangeView(np.float32(20) * BEAMS[BEAMS[:, 0] > 0])
     behind = np.array([[-20, 0, 1], [-20, 0, -1], [-20, 0, 15], [-1, 0, 30]], np.float32)
     expected = [Verdict.OPEN, Verdict.UNKNOWN, Verdict.UNKNOWN, Verdict.UNKNOWN]
-    assert view.judge(behind, TOLERANCE).tolist() == expected
+    assert view.check(behind, TOLERANCE).tolist() == expected
 
 
 def test_a_scan_without_any_return_knows_nothing() -> None:
     view = RangeView(np.zeros((0, 3), np.float32))
-    assert view.judge(BEAMS, TOLERANCE).tolist() == [Verdict.UNKNOWN] * len(BEAMS)
+    assert view.check(BEAMS, TOLERANCE).tolist() == [Verdict.UNKNOWN] * len(BEAMS)

@@ -55,24 +55,24 @@ def ride(
     """Images at 10 Hz, 20 ms after a sweep, the mount told at 50 Hz, and what tells how the vehicle drives."""
     frame_builder = FrameBuilder(config)
     for child, parent, pose in (("pan", "camera", PAN_FROM_CAMERA), ("base", "radar", BASE_FROM_RADAR)):
-        frame_builder.accept("/tf_static", link(child, parent, 0, pose), 0)
-    frame_builder.accept("/tf_static", link("ground", "base", 0, STILL), 0)
-    frame_builder.accept("/camera_info", encode_camera_info(factory, CAMERA, 0, "camera"), 0)
+        frame_builder.add("/tf_static", link(child, parent, 0, pose), 0)
+    frame_builder.add("/tf_static", link("ground", "base", 0, STILL), 0)
+    frame_builder.add("/camera_info", encode_camera_info(factory, CAMERA, 0, "camera"), 0)
     frames: list[Frame] = []
     for tick in range(round(until_s * 100)):
         time_s, now_ns = tick / 100, tick * SECOND // 100
         place = driven(time_s) if speed else STILL
         if tick % 2 == 0:
-            frame_builder.accept("/tf", link("base", "pan", time_s, panned(time_s)), now_ns)
-            frame_builder.accept("/tf", link("odom", "ground", time_s, place), now_ns)
+            frame_builder.add("/tf", link("base", "pan", time_s, panned(time_s)), now_ns)
+            frame_builder.add("/tf", link("odom", "ground", time_s, place), now_ns)
             reading = OdometryReading(now_ns, "odom", "base", place, np.zeros(3), np.zeros(3))
-            frame_builder.accept("/odom", encode_odometry(factory, reading), now_ns)
+            frame_builder.add("/odom", encode_odometry(factory, reading), now_ns)
         if tick % 10 == 4 and time_s < silent_after_s:
             seen = (place @ BASE_FROM_RADAR).inverse().apply(POINT_M)
             cloud = encode_points(factory, dict(zip("xyz", seen.T, strict=True)), now_ns, "radar")
-            frames += frame_builder.accept("/radar", cloud, now_ns)
+            frames += frame_builder.add("/radar", cloud, now_ns)
         if tick % 10 == 6:
-            frames += frame_builder.accept("/image", encode_image(factory, small_image(0), now_ns, "camera"), now_ns)
+            frames += frame_builder.add("/image", encode_image(factory, small_image(0), now_ns, "camera"), now_ns)
         frames += frame_builder.expire(now_ns)
     assert len(frames) == round(until_s * 10)
     return frames

@@ -52,8 +52,8 @@ def drive(
     """Poses at 50 Hz, clouds of three standing points at 20 Hz and images at 10 Hz, 10 ms after a cloud."""
     link = StampedTransform
     fixed = [link("base", "camera", 0, BASE_FROM_CAMERA), link("base", "radar", 0, BASE_FROM_RADAR)]
-    frame_builder.accept("/tf_static", encode_transforms(factory, fixed), 0)
-    frame_builder.accept("/camera_info", encode_camera_info(factory, CAMERA, 0, "camera"), 0)
+    frame_builder.add("/tf_static", encode_transforms(factory, fixed), 0)
+    frame_builder.add("/camera_info", encode_camera_info(factory, CAMERA, 0, "camera"), 0)
     frames: list[Frame] = []
     for tick in range(round(seconds * 100)):
         time_s = start_s + tick / 100
@@ -61,16 +61,16 @@ def drive(
         if moves and tick % 2 == 0:
             still = np.zeros(3)
             reading = OdometryReading(now_ns, "odom", base, pose, still, still)
-            frame_builder.accept("/odom", encode_odometry(factory, reading), now_ns)
+            frame_builder.add("/odom", encode_odometry(factory, reading), now_ns)
             links = [link("map", "odom", now_ns, RigidTransform.identity()), link("odom", "base", now_ns, pose)]
-            frame_builder.accept("/tf", encode_transforms(factory, links), now_ns)
+            frame_builder.add("/tf", encode_transforms(factory, links), now_ns)
         if tick % 5 == 0:
             x, y, z = (pose @ BASE_FROM_RADAR).inverse().apply(WORLD_M).T
-            frames += frame_builder.accept(
+            frames += frame_builder.add(
                 "/radar", encode_points(factory, {"x": x, "y": y, "z": z}, now_ns, "radar"), now_ns
             )
         if tick % 10 == 1:
-            frames += frame_builder.accept("/image", encode_image(factory, small_image(tick), now_ns, "camera"), now_ns)
+            frames += frame_builder.add("/image", encode_image(factory, small_image(tick), now_ns, "camera"), now_ns)
     return frames + list(frame_builder.flush())
 
 
@@ -167,15 +167,15 @@ def test_each_radar_has_its_own_frame_fields_and_offset() -> None:
     )
     frame_builder = FrameBuilder(config)
     fixed = [StampedTransform("camera", name, 0, RigidTransform.identity()) for name in ("radar", "other")]
-    frame_builder.accept("/tf_static", encode_transforms(factory, fixed), 0)
-    frame_builder.accept("/camera_info", encode_camera_info(factory, CAMERA, 0, "camera"), 0)
+    frame_builder.add("/tf_static", encode_transforms(factory, fixed), 0)
+    frame_builder.add("/camera_info", encode_camera_info(factory, CAMERA, 0, "camera"), 0)
     one = np.ones(1, np.float32)
     front = {"x": one, "y": one, "z": one, "rcs": 2 * one}
     rear = {"x": one, "y": one, "z": one, "loudness": 3 * one}
-    frame_builder.accept("/front", encode_points(factory, front, SECOND, "other"), 0)
-    frame_builder.accept("/rear", encode_points(factory, rear, SECOND + SECOND // 2, ""), 0)
-    (frame,) = frame_builder.accept("/image", encode_image(factory, small_image(0), SECOND, "camera"), 0)
+    frame_builder.add("/front", encode_points(factory, front, SECOND, "other"), 0)
+    frame_builder.add("/rear", encode_points(factory, rear, SECOND + SECOND // 2, ""), 0)
+    (frame,) = frame_builder.add("/image", encode_image(factory, small_image(0), SECOND, "camera"), 0)
     np.testing.assert_array_equal(frame.radar.rcs_dbsm, [2, 3])
     np.testing.assert_array_equal(frame.radar.age_s, [0, 0])
     with pytest.raises(RadcamDepthError, match="loudness"):
-        frame_builder.accept("/rear", encode_points(factory, front, 2 * SECOND, ""), 0)
+        frame_builder.add("/rear", encode_points(factory, front, 2 * SECOND, ""), 0)

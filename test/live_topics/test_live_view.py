@@ -138,7 +138,7 @@ def test_images_are_shown_with_the_depth_of_their_stamp(vehicle: Callable[..., V
     vehicle()
     told: list[str] = []
     target = tmp_path / "out" / "live.mp4"
-    assert view(target, options=ViewOptions(frames=6, width=480), tell=told.append, listen=PATIENT) == 6
+    assert view(target, options=ViewOptions(frames=6, width=480), warn=told.append, listen=PATIENT) == 6
     video = cv2.VideoCapture(str(target))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 6
     assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(5, abs=2.6), "every other image has depth"
@@ -153,7 +153,7 @@ def test_returns_are_drawn_where_the_latched_transform_puts_them(
     require_tf2_msgs()
     vehicle(has_radar=has_radar)
     told: list[str] = []
-    assert view(tmp_path / "pictures", options=ViewOptions(frames=3, width=480), tell=told.append, listen=PATIENT) == 3
+    assert view(tmp_path / "pictures", options=ViewOptions(frames=3, width=480), warn=told.append, listen=PATIENT) == 3
     picture = cv2.imread(str(max((tmp_path / "pictures").iterdir())))
     assert picture is not None
     left, top, width = 480 // 3, 26, 480 // 3 - 4  # of the dense depth, all of one value

@@ -31,7 +31,7 @@ def panned(time_s: float) -> RigidTransform:
 
 def place(mounts: Mounts, tree: TransformTree, parent: str, child: str, time_s: float, pose: RigidTransform) -> None:
     tree.set(parent, child, pose)
-    mounts.accept(StampedTransform(parent, child, ns(time_s), pose))
+    mounts.add(StampedTransform(parent, child, ns(time_s), pose))
 
 
 def vehicle() -> TransformTree:

@@ -29,7 +29,7 @@ class Ride:
         for index in range(151):
             time_s = 1 + index / 100
             reading = OdometryReading(round(time_s * SECOND), "odom", "base", self.at(time_s), np.zeros(3), np.zeros(3))
-            self.motion.accept(encode_odometry(factory, reading))
+            self.motion.add(encode_odometry(factory, reading))
 
     def at(self, time_s: float) -> RigidTransform:
         yaw = self.yaw_rate * time_s
@@ -101,7 +101,7 @@ def test_a_place_that_was_set_anew_moves_nothing() -> None:
     ride = Ride(10.0, 0.0)
     far = RigidTransform(np.eye(3), np.array([0.0, 0, 0]))
     reading = OdometryReading(round(2.505 * SECOND), "odom", "base", far, np.zeros(3), np.zeros(3))
-    ride.motion.accept(encode_odometry(factory, reading))
+    ride.motion.add(encode_odometry(factory, reading))
     for image_s, sentence in ((2.505, "/odom has the vehicle jump"), (2.6, "'base' on /odom are 0.10 s away")):
         with pytest.raises(MotionError, match=sentence):
             displacement(ride.motion, BASE_FROM_CAMERA, RADAR_M, 2 * SECOND, round(image_s * SECOND))

@@ -44,7 +44,7 @@ def test_between_two_poses_the_turn_is_even(yaw: float, step: float, share: floa
 
 def test_poses_are_interpolated_in_any_order_of_arrival(motion: Motion) -> None:
     for time_s in (1.0, 1.2, 1.1, 1.3, 1.1):
-        motion.accept(odometry(time_s, 10 * time_s))
+        motion.add(odometry(time_s, 10 * time_s))
     for time_s in (1.0, 1.05, 1.21, 1.3):
         pose = motion.at(round(time_s * SECOND))
         assert pose is not None
@@ -57,36 +57,36 @@ def test_poses_are_interpolated_in_any_order_of_arrival(motion: Motion) -> None:
 
 def test_across_a_gap_nobody_knows(motion: Motion) -> None:
     for time_s in (1.0, 2.0):
-        motion.accept(odometry(time_s, 0.0))
+        motion.add(odometry(time_s, 0.0))
     assert motion.at(round(1.5 * SECOND)) is None
 
 
 def test_forgetting_leaves_what_later_times_need(motion: Motion) -> None:
     for index in range(100):
-        motion.accept(odometry(index / 10, index))
+        motion.add(odometry(index / 10, index))
     motion.forget_before(round(5.05 * SECOND))
     assert motion.at(round(5.05 * SECOND)) is not None
     assert motion.at(round(4.9 * SECOND)) is None
 
 
 def test_poses_of_another_frame_are_left_out(motion: Motion) -> None:
-    motion.accept(odometry(1.0, 1.0))
-    motion.accept(odometry(1.0, 2.0, "trailer"))
+    motion.add(odometry(1.0, 1.0))
+    motion.add(odometry(1.0, 2.0, "trailer"))
     assert motion.base_frame == "base"
     with pytest.raises(MotionError, match="empty child_frame_id"):
-        motion.accept(odometry(1.0, 2.0, ""))
+        motion.add(odometry(1.0, 2.0, ""))
 
 
 def test_a_first_message_of_a_wrong_frame_does_not_count_for_ever(motion: Motion) -> None:
     with pytest.raises(MotionError, match="empty child_frame_id"):
-        motion.accept(odometry(0.9, 0.0, ""))
-    motion.accept(odometry(1.0, 0.0, "odom"))
+        motion.add(odometry(0.9, 0.0, ""))
+    motion.add(odometry(1.0, 0.0, "odom"))
     assert motion.frame_problem == ""
     for index in range(5):
         assert motion.base_frame == "odom"
-        motion.accept(odometry(1.1 + index / 10, 7.0))
+        motion.add(odometry(1.1 + index / 10, 7.0))
         assert "got child_frame_id 'base' after 'odom'" in motion.frame_problem
-    motion.accept(odometry(1.6, 8.0))
+    motion.add(odometry(1.6, 8.0))
     assert (motion.base_frame, motion.frame_problem) == ("base", "")
     pose = motion.at(round(1.55 * SECOND))
     assert pose is not None
@@ -96,9 +96,9 @@ def test_a_first_message_of_a_wrong_frame_does_not_count_for_ever(motion: Motion
 
 def test_of_two_publishers_the_first_one_counts(motion: Motion) -> None:
     for index in range(20):
-        motion.accept(odometry(1 + index / 10, 1.0))
+        motion.add(odometry(1 + index / 10, 1.0))
         for frame in ("trailer", "trailer", "roof"):
-            motion.accept(odometry(1 + index / 10, 2.0, frame))
+            motion.add(odometry(1 + index / 10, 2.0, frame))
             assert "second publisher" in motion.frame_problem
     assert motion.base_frame == "base"
 
@@ -111,7 +111,7 @@ def test_soon_after_the_last_pose_the_vehicle_goes_on_as_before(ahead_s: float) 
         pose = turned(0.5 * time_s, 0.0)
         arc = RigidTransform(pose.rotation, np.array([20 * math.sin(0.5 * time_s), -20 * math.cos(0.5 * time_s), 0]))
         reading = OdometryReading(round(time_s * SECOND), "odom", "base", arc, np.zeros(3), np.zeros(3))
-        motion.accept(encode_odometry(factory, reading))
+        motion.add(encode_odometry(factory, reading))
     time_s = 1.95 + ahead_s
     pose = motion.at(round(time_s * SECOND))
     assert pose is not None
@@ -126,11 +126,11 @@ def test_soon_after_the_last_pose_the_vehicle_goes_on_as_before(ahead_s: float) 
 def test_a_backward_jump_begins_anew_and_what_is_late_does_not() -> None:
     motion = live()
     for time_s in (5.0, 5.1, 5.05, 5.2):
-        motion.accept(odometry(time_s, 1.0))
+        motion.add(odometry(time_s, 1.0))
     assert motion.at(round(5.02 * SECOND)) is not None
-    motion.accept(odometry(5.05, 0.0))
+    motion.add(odometry(5.05, 0.0))
     assert motion.at(round(5.02 * SECOND)) is None
-    motion.accept(odometry(5.15, 0.0))
+    motion.add(odometry(5.15, 0.0))
     pose = motion.at(round(5.1 * SECOND))
     assert pose is not None
     assert pose.translation[0] == 0.0
@@ -139,7 +139,7 @@ def test_a_backward_jump_begins_anew_and_what_is_late_does_not() -> None:
 def test_no_more_poses_are_kept_than_wanted() -> None:
     motion = live(kept=10)
     for index in range(100):
-        motion.accept(odometry(1 + index / 100, index))
+        motion.add(odometry(1 + index / 100, index))
     assert motion.at(round(1.89 * SECOND)) is None
     assert motion.at(round(1.9 * SECOND)) is not None
 
@@ -157,13 +157,13 @@ def test_all_moving_links_below_the_frame_that_stands_still_count() -> None:
         ]
         for link in links:
             tree.set(link.parent_frame, link.child_frame, link.parent_from_child)
-        motion.accept_links(links)
+        motion.add_links(links)
     pose = motion.at(SECOND + SECOND // 4)
     assert pose is not None
     assert pose.translation[0] == pytest.approx(100 + 2.5 + 1)
     assert motion.at(SECOND // 2) is None
     nowhere = Motion("/tf", is_odometry=False, transforms=tree, anchor="camera", odom_frame="earth")
-    nowhere.accept_links(links)
+    nowhere.add_links(links)
     assert nowhere.at(SECOND) is None
     assert "no pose of 'camera' in 'earth'" in nowhere.why_unknown(SECOND + 1)
 
@@ -173,7 +173,7 @@ def test_a_link_between_two_frames_of_the_vehicle_is_no_motion() -> None:
     transforms.set("base", "mount", still)
     transforms.set("mount", "camera", still)
     motion = Motion("/tf", is_odometry=False, transforms=transforms, anchor="camera")
-    motion.accept_links([StampedTransform("base", "mount", 0, still), StampedTransform("base", "wheel", 0, still)])
+    motion.add_links([StampedTransform("base", "mount", 0, still), StampedTransform("base", "wheel", 0, still)])
     assert motion.base_frame is None
-    motion.accept_links([StampedTransform("odom", "base", 0, still)])
+    motion.add_links([StampedTransform("odom", "base", 0, still)])
     assert motion.base_frame == "base"

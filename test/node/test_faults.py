@@ -78,7 +78,7 @@ def settle(bench: Any, unreadable: int = 0) -> None:
     def is_idle() -> bool:
         counts = session.frame_builder.counts
         are_read = all(
-            session.accepted[part] == session.rates[part].count - (unreadable if part == "camera" else 0)
+            session.used[part] == session.rates[part].count - (unreadable if part == "camera" else 0)
             for part in ("camera", RADAR)
         )
         are_frames = session.frames_in + session.images_unusable == counts.paired + counts.unmatched

@@ -19,24 +19,24 @@ def test_a_short_problem_is_told_once(problems: Problems) -> None:
     problems.report("camera", Level.ERROR, "it is dark")
     problems.settle("camera")
     assert problems.peek("camera") is None
-    assert problems.tell("camera") == (Level.ERROR, "it is dark")
-    assert problems.tell("camera") is None
+    assert problems.show("camera") == (Level.ERROR, "it is dark")
+    assert problems.show("camera") is None
 
 
 def test_a_lasting_problem_is_told_until_it_is_settled(problems: Problems) -> None:
     problems.report("camera", Level.ERROR, "it is dark")
-    assert problems.tell("camera") == problems.tell("camera") == (Level.ERROR, "it is dark")
+    assert problems.show("camera") == problems.show("camera") == (Level.ERROR, "it is dark")
     problems.settle("camera")
-    assert problems.tell("camera") is None
+    assert problems.show("camera") is None
     assert problems.history("camera") == (("camera: problems", "1"), ("camera: last problem", "it is dark"))
 
 
 def test_the_first_part_comes_first_and_none_is_forgotten(problems: Problems) -> None:
     problems.report("b", Level.WARN, "second")
     problems.report("a", Level.ERROR, "first")
-    assert problems.tell("a", "b") == (Level.ERROR, "first")
+    assert problems.show("a", "b") == (Level.ERROR, "first")
     problems.settle("a")
-    assert problems.tell("a", "b") == (Level.WARN, "second")
+    assert problems.show("a", "b") == (Level.WARN, "second")
 
 
 def test_sentences_that_differ_in_numbers_only_are_logged_once(problems: Problems, lines: list[str]) -> None:

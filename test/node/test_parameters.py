@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.node.parameters import TYPES, Parameters, describe
-from radcam_depth_ros.parameters import PARAMETERS, NodeConfig, ParameterError, ParameterKind, ParameterSpec
+from radcam_depth_ros.parameters import PARAMETERS, RENAMED, NodeConfig, ParameterError, ParameterKind, ParameterSpec
 
 NODE_YAML = Path(__file__).parents[2] / "config" / "node_all.yaml"
 BY_NAME = {spec.name: spec for spec in PARAMETERS}
@@ -95,6 +95,18 @@ def test_a_file_may_give(context: Any, name: str, value: Any, expected: Any) -> 
     node.destroy_node()
 
 
+def test_an_old_name_is_taken_with_a_warning(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(RENAMED, "longest_wait_s", "max_wait_s")
+    for given, expected in (({"longest_wait_s": 0.3}, 0.3), ({"longest_wait_s": 0.3, "max_wait_s": 0.2}, 0.2)):
+        warnings: list[str] = []
+        overrides = [Parameter(name, value=value) for name, value in given.items()]
+        node = Node("radcam_depth", context=context, parameter_overrides=overrides)
+        assert Parameters(node, warn=warnings.append).read().frame_builder.pairing.max_wait_s == expected
+        assert not node.has_parameter("longest_wait_s")
+        assert "longest_wait_s is now called max_wait_s" in warnings[0]
+        node.destroy_node()
+
+
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
     [
@@ -141,7 +153,7 @@ def test_what_cannot_be_used_is_refused_in_a_file_and_when_set(
     node.destroy_node()
 
 
-def test_parameters_are_judged_together(context: Any) -> None:
+def test_parameters_are_checked_together(context: Any) -> None:
     node = Node("radcam_depth", context=context)
     parameters = Parameters(node)
     near, far = Parameter("preview_near_m", value=100.0), Parameter("preview_far_m", value=200.0)

@@ -7,7 +7,14 @@ from typing import Any
 import pytest
 import yaml
 
-from radcam_depth_ros.parameters import NodeConfig, ParameterError, ParameterFile, build_config, read_parameter_file
+from radcam_depth_ros.parameters import (
+    RENAMED,
+    NodeConfig,
+    ParameterError,
+    ParameterFile,
+    build_config,
+    read_parameter_file,
+)
 
 CONFIG = Path(__file__).parents[2] / "config"
 Read = Callable[[str], ParameterFile]
@@ -68,6 +75,14 @@ def test_what_a_running_node_alone_needs_is_set_apart(read: Read) -> None:
     assert file.values == {"threads": 3}
     first, second = "qos_overrides./image.subscription.depth", "qos_overrides./a.subscription.depth"
     assert file.node_only == ("use_sim_time", "autostart", first, second)
+
+
+def test_an_old_name_is_taken_and_named(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(RENAMED, "longest_wait_s", "max_wait_s")
+    file = read("/**: {ros__parameters: {longest_wait_s: 0.3, threads: 2}}")
+    assert (file.values, file.renamed) == ({"max_wait_s": 0.3, "threads": 2}, (("longest_wait_s", "max_wait_s"),))
+    both = read("/**: {ros__parameters: {longest_wait_s: 0.3, max_wait_s: 0.2}}")
+    assert both.values == {"max_wait_s": 0.2}
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def read_bags(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Bags are made up: a file named N.mcap gives the frames of seed N. The list is of what was read."""
     read: list[Path] = []
 
-    def read_samples(path: Path, settings: DriveSettings, tell: Callable[[str], None]) -> Iterator[Sample]:
+    def read_samples(path: Path, settings: DriveSettings, warn: Callable[[str], None]) -> Iterator[Sample]:
         read.append(path)
         return make_frames(int(path.stem), 6)
 

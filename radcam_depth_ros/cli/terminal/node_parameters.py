@@ -77,6 +77,8 @@ def node_parameters(
     values = dict(file.values) if file is not None else {}
     named: dict[str, Any] = {}
     if file is not None:
+        for old, new in file.renamed:
+            typer.echo(f"{file.path}: {old} is now called {new}; rename it", err=True)
         config = _of_file(file)
         _name_what_has_no_effect(file, tuple(unused))
         named = _named_topics(config, file.namespace)

@@ -64,7 +64,7 @@ def test_a_cache_is_read_again_only_when_bag_or_settings_change(
 def test_a_bag_that_fails_leaves_nothing_behind(
     tmp_path: Path, make_bags: Callable[[int], list[Path]], frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fails(path: Path, settings: DriveSettings, tell: Callable[[str], None]) -> Iterator[Sample]:
+    def fails(path: Path, settings: DriveSettings, warn: Callable[[str], None]) -> Iterator[Sample]:
         yield from frames(0, 2)
         raise TrainingError("the bag ends here")
 
@@ -83,7 +83,7 @@ def test_a_bag_without_ground_truth_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     blind = [dataclasses.replace(sample, source="none") for sample in frames(0, count)]
-    monkeypatch.setattr(cache, "read_samples", lambda path, settings, tell: iter(blind))
+    monkeypatch.setattr(cache, "read_samples", lambda path, settings, warn: iter(blind))
     with pytest.raises(TrainingError, match=r"no frame with ground truth.*LiDAR"):
         build_drive(make_bags(1)[0], tmp_path / "drive", SETTINGS)
 
@@ -94,7 +94,7 @@ def test_a_camera_that_changes_is_refused(
     first, second = frames(0, 2)
     other = dataclasses.replace(second.frame, camera=dataclasses.replace(second.frame.camera, cx=50.0))
     samples = [first, dataclasses.replace(second, frame=other)]
-    monkeypatch.setattr(cache, "read_samples", lambda path, settings, tell: iter(samples))
+    monkeypatch.setattr(cache, "read_samples", lambda path, settings, warn: iter(samples))
     with pytest.raises(TrainingError, match="camera changes"):
         build_drive(make_bags(1)[0], tmp_path / "drive", SETTINGS)
 
@@ -134,7 +134,7 @@ def test_the_single_scans_depth_is_kept_where_it_differs(
     single = np.full((64, 128), np.nan, np.float32)
     single[30, 5:9] = 7.5
     with_single = [dataclasses.replace(sample, depth_single_m=single) for sample in frames(0, 1)]
-    monkeypatch.setattr(cache, "read_samples", lambda path, settings, tell: iter([*with_single, *frames(1, 1)]))
+    monkeypatch.setattr(cache, "read_samples", lambda path, settings, warn: iter([*with_single, *frames(1, 1)]))
     build_drive(make_bags(1)[0], tmp_path / "drive", SETTINGS)
     drive = CachedDrive(tmp_path / "drive")
     np.testing.assert_array_equal(drive[0].depth_single_m, single)
@@ -192,8 +192,8 @@ def test_a_full_disk_is_told_and_leaves_nothing(
 def test_what_many_bags_lack_is_told_once(
     tmp_path: Path, make_bags: Callable[[int], list[Path]], frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def lacks(path: Path, settings: DriveSettings, tell: Callable[[str], None]) -> Iterator[Sample]:
-        tell("no odometry")
+    def lacks(path: Path, settings: DriveSettings, warn: Callable[[str], None]) -> Iterator[Sample]:
+        warn("no odometry")
         return frames(0, 1)
 
     monkeypatch.setattr(cache, "read_samples", lacks)
