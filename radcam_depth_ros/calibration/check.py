@@ -1,4 +1,4 @@
-"""Whether a bag's extrinsics and clocks are right."""
+"""Checks the poses and clocks of a bag's radars and LiDAR."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def check(
     out: Path | None = None,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> Report:
-    """Judges where a bag's radars and LiDAR are said to be, and when.
+    """Checks the poses and clocks of a bag's radars and LiDAR.
 
     Args:
         bag: A rosbag2 folder or .mcap file.
-        settings: How it is read, such as with other extrinsics.
-        frames: So many images are looked at, evenly spread.
+        settings: Settings for reading it, such as other extrinsics.
+        frames: Number of images that are used, evenly spread.
         out: A folder for pictures of them; None for none.
         progress: Called with (stage, done, to do).
 

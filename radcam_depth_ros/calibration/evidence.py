@@ -1,4 +1,4 @@
-"""How well a sensor's points fit the image, the road, the LiDAR and the vehicle's motion, were it placed so or so."""
+"""Scores of a sensor's pose: how well its points fit the image, the road, the LiDAR and the vehicle's motion."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from radcam_depth_ros.geometry import DoubleArray, RigidTransform, project
 from radcam_depth_ros.motion import MotionError, displacement
 
 PARTS = ("view", "road", "lidar", "doppler", "sweeps")
-"""What is looked at: in the image, not below the road, near the LiDAR's points, the Doppler as the vehicle's motion has
-it, and earlier and later sweeps at the same place."""
+"""Scores of a radar: points in the image, points not below the road, points near the LiDAR's, Doppler that agrees with
+the vehicle's motion, and agreement with earlier and later sweeps."""
 _SECOND = 1_000_000_000
 _LATE_NS = 150_000_000
 _MOST_POINTS = 500
@@ -42,7 +42,7 @@ _FEWEST = 5
 
 
 class Floor:
-    """Where things stand around the camera, seen from above.
+    """Occupied places around the camera, seen from above.
 
     Args:
         ground: The flat road, known or assumed.
@@ -110,7 +110,7 @@ class _Look:
 ValueT = TypeVar("ValueT", np.float32, np.intp)
 
 LIDAR_PARTS = ("road", "lidar")
-"""What is looked at of a LiDAR: its points on the road, and near the radars' returns."""
+"""Scores of a LiDAR: points on the road, and near the radars' returns."""
 
 
 def lidar_parts(recording: Recording, placements: Sequence[Placement], radars: Sequence[int]) -> DoubleArray:
@@ -118,8 +118,8 @@ def lidar_parts(recording: Recording, placements: Sequence[Placement], radars: S
 
     Args:
         recording: The drive.
-        placements: Where the LiDAR may be.
-        radars: The radars whose places are believed.
+        placements: Candidate poses of the LiDAR.
+        radars: The radars whose poses are trusted.
     """
     views = [view for view in recording.views if view.lidar_m is not None and len(view.lidar_m) >= _FEWEST]
     found = np.full((len(placements), len(views), len(LIDAR_PARTS)), np.nan)
@@ -140,7 +140,7 @@ def lidar_parts(recording: Recording, placements: Sequence[Placement], radars: S
 
 
 class Evidence:
-    """What a drive says of one radar's place.
+    """Scores of one radar's pose over a drive.
 
     Args:
         recording: The drive.

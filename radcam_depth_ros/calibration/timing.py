@@ -1,4 +1,4 @@
-"""By how much a radar's stamps are off from the camera's."""
+"""Estimates the time offset between radar and camera."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from radcam_depth_ros.calibration.signals import LARGEST_SHIFT_S, Shift, Signal,
 from radcam_depth_ros.geometry import DoubleArray, RigidTransform
 
 _SUSPECT_S = 0.04
-"""A sweep is taken over so long; less is not worth a word."""
+"""Duration of a sweep; smaller offsets are not reported."""
 _CERTAIN = 3.0
 _IMAGE_ERROR_S = 0.02
-"""How well images tell when the camera turned."""
+"""Least error of a shift that is estimated from images."""
 _STEP_NS = 20_000_000
 _HALF_WINDOW_NS = 40_000_000
 _SECOND = 1_000_000_000

@@ -1,4 +1,4 @@
-"""An evaluation as facts and tables of text, for a terminal and for the report."""
+"""Facts and tables of an evaluation, for the terminal and for the report."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _HEIGHT_SOURCES = {
 
 
 def summary_table(evaluation: Evaluation) -> Table:
-    """Mean absolute and root mean squared errors within each range: what papers of this field compare."""
+    """Mean absolute and root mean squared errors within each range."""
     kinds = _kinds(evaluation)
     ranges = [entry.name for entry in evaluation.dense.ranges]
     columns = ("", *(f"{title} {name}" for title in ("MAE", "RMSE") for name in ranges))
@@ -85,7 +85,7 @@ def distance_table(evaluation: Evaluation) -> Table:
 
 
 def class_tables(evaluation: Evaluation) -> Iterator[Table]:
-    """The dense depth by what a pixel shows; none where the drives do not know."""
+    """The dense depth by class; none where the drives have no classes."""
     within = f"within {evaluation.dense.ranges[-1].name} m"
     for title, entries in (
         (f"By class, {within}", evaluation.by_class),
@@ -97,7 +97,7 @@ def class_tables(evaluation: Evaluation) -> Iterator[Table]:
 
 
 def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
-    """The dense depth by what frames have in common, beside the baselines."""
+    """The dense depth by group of frames, beside the baselines."""
     title = f"{_GROUPING_TITLES[grouping.name]}, within {evaluation.dense.ranges[-1].name} m"
     baselines = tuple(f"MAE m, {BASELINE_TITLES[name]}" for name in evaluation.baselines)
     rows = tuple(
@@ -112,7 +112,7 @@ def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
 
 
 def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
-    """Every table that has something to say about the evaluation."""
+    """All tables of the evaluation that have rows."""
     return (
         summary_table(evaluation),
         distance_table(evaluation),
@@ -123,7 +123,7 @@ def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
 
 
 def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
-    """What the evaluation was made with."""
+    """Inputs and settings of the evaluation."""
     facts = [Fact("network", evaluation.network), Fact("frames", str(evaluation.frames))]
     if evaluation.frames_missing:
         facts.append(Fact("frames without depth", str(evaluation.frames_missing)))
@@ -131,7 +131,7 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     if evaluation.scans.scans:
         facts.append(Fact("LiDAR scans", "; ".join(evaluation.scans.sentences)))
     facts.append(Fact("the network was given", _given(evaluation.given)))
-    # What all frames have in common has no table.
+    # A property that all frames share has no table.
     alike = {entry.name: entry.groups[0].name for entry in evaluation.groupings if len(entry.groups) == 1}
     scenario = [alike[name] for name in SCENARIO if name in alike]
     if scenario:

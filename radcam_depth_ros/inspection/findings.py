@@ -1,4 +1,4 @@
-"""What is missing or odd in a bag, and what to do about it."""
+"""Findings about a bag: missing or unusual inputs, and what to do about them."""
 
 from __future__ import annotations
 

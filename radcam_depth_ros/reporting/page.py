@@ -64,7 +64,7 @@ def write_report(
     Args:
         path: The HTML file.
         title: Its heading.
-        facts: What the result was made with.
+        facts: Names and values at the top.
         tables: Tables, in order.
         panels: Frames to show, in order.
         plots: Curves to show, in order.
