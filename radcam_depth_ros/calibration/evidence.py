@@ -147,11 +147,9 @@ class Evidence:
         index: The radar's.
     """
 
-    def __init__(self, recording: Recording, index: int, *, with_lidar: bool = True) -> None:
+    def __init__(self, recording: Recording, index: int) -> None:
         self._recording, self._radar = recording, recording.radars[index]
-        self._looks = [
-            look for view in recording.views if (look := self._look(view, index, with_lidar=with_lidar)) is not None
-        ]
+        self._looks = [look for view in recording.views if (look := self._look(view, index)) is not None]
 
     def __len__(self) -> int:
         """The number of images with returns."""
@@ -162,14 +160,14 @@ class Evidence:
         found = [[_parts(look, placement.pose) for look in self._looks] for placement in placements]
         return np.asarray(found, np.float64).reshape(len(placements), len(self._looks), len(PARTS))
 
-    def _look(self, view: View, index: int, *, with_lidar: bool) -> _Look | None:
+    def _look(self, view: View, index: int) -> _Look | None:
         radar, frame = self._radar, view.frame
         points_m = thinned(view.radar_m[index], _MOST_POINTS)
         if len(points_m) < _FEWEST:
             return None
         ground = frame.ground.or_assumed()
         lidar = None
-        if with_lidar and view.lidar_m is not None and self._recording.camera_from_lidar is not None:
+        if view.lidar_m is not None and self._recording.camera_from_lidar is not None:
             lidar = Floor(ground, upright(self._recording.camera_from_lidar.apply(view.lidar_m), ground))
         velocity, sight, speeds = self._doppler(radar, frame.stamp_ns)
         others = self._others(radar, frame.stamp_ns)

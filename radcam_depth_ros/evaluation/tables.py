@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from radcam_depth_ros.evaluation.given import Given
-from radcam_depth_ros.evaluation.groups import SCENARIO, Grouping
+from radcam_depth_ros.evaluation.groups import RETURNS, SCENARIO, Grouping
 from radcam_depth_ros.evaluation.metrics import DepthMetrics
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.reporting.table import Fact, Table, number
@@ -17,9 +17,9 @@ BASELINE_TITLES = {
     "radar_interpolation": "radar alone",
 }
 _BASELINE_NOTES = {
-    "ground_nearest": "Geometry alone: the flat road, or the radar return nearest in the image where that is closer.",
-    "camera_only": "Camera alone: the same network without any radar return.",
-    "radar_interpolation": "Radar alone: interpolated between the returns.",
+    "ground_nearest": "the flat road, or the radar return nearest in the image where that is closer.",
+    "camera_only": "the same network without any radar return.",
+    "radar_interpolation": "interpolated between the returns.",
 }
 _TITLES = {
     "mae": "MAE m",
@@ -30,14 +30,6 @@ _TITLES = {
     "d1": "d1",
     "d2": "d2",
     "d3": "d3",
-}
-_GROUPING_TITLES = {
-    "returns": "By number of radar returns in view",
-    "weather": "By weather",
-    "time_of_day": "By time of day",
-    "season": "By season",
-    "street": "By street",
-    "bag": "By bag",
 }
 _HEIGHT_SOURCES = {
     "frame": "from the drive's transforms or the configuration",
@@ -57,7 +49,7 @@ def summary_table(evaluation: Evaluation) -> Table:
     )
     notes = (
         "Averaged over the pixels with ground truth in range, then over frames. Semi-dense: where it has values.",
-        *(_BASELINE_NOTES[name] for name in evaluation.baselines),
+        *(f"{BASELINE_TITLES[name].capitalize()}: {_BASELINE_NOTES[name]}" for name in evaluation.baselines),
     )
     return Table("Error in metres, of all within 50, 70 and 80 m", columns, rows, " ".join(notes))
 
@@ -98,7 +90,8 @@ def class_tables(evaluation: Evaluation) -> Iterator[Table]:
 
 def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
     """The dense depth by group of frames, beside the baselines."""
-    title = f"{_GROUPING_TITLES[grouping.name]}, within {evaluation.dense.ranges[-1].name} m"
+    property_ = "number of radar returns in view" if grouping.name == RETURNS else grouping.name.replace("_", " ")
+    title = f"By {property_}, within {evaluation.dense.ranges[-1].name} m"
     baselines = tuple(f"MAE m, {BASELINE_TITLES[name]}" for name in evaluation.baselines)
     rows = tuple(
         (
