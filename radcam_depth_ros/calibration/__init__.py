@@ -1,4 +1,4 @@
-"""Whether a bag's extrinsics and clocks are right: pictures, scores against shifted ones, and a verdict."""
+"""Checks a bag's extrinsics and clocks: pictures, scores against other poses, and a verdict."""
 
 from radcam_depth_ros.calibration.check import FRAMES, check
 from radcam_depth_ros.calibration.recording import CalibrationError

@@ -1,4 +1,4 @@
-"""Whether a bag's extrinsics and clocks are right."""
+"""Checks the poses and clocks of a bag's radars and LiDAR."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from radcam_depth_ros.calibration.evidence import LIDAR_PARTS, Evidence, lidar_parts
 from radcam_depth_ros.calibration.pictures import draw_view
 from radcam_depth_ros.calibration.placements import alternatives
-from radcam_depth_ros.calibration.recording import CalibrationError, Recording, read_recording
+from radcam_depth_ros.calibration.recording import Recording, read_recording
 from radcam_depth_ros.calibration.report import OK, SUSPECT, UNKNOWN, Report, SensorReport
 from radcam_depth_ros.calibration.timing import check_times
 from radcam_depth_ros.calibration.verdict import check_radar, check_sensor
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.pairing import for_each_radar
+from radcam_depth_ros.reporting.pictures import encode
 
 FRAMES = 12
 
@@ -31,12 +31,12 @@ def check(
     out: Path | None = None,
     progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
 ) -> Report:
-    """Judges where a bag's radars and LiDAR are said to be, and when.
+    """Checks the poses and clocks of a bag's radars and LiDAR.
 
     Args:
         bag: A rosbag2 folder or .mcap file.
-        settings: How it is read, such as with other extrinsics.
-        frames: So many images are looked at, evenly spread.
+        settings: Settings for reading it, such as other extrinsics.
+        frames: Number of images that are used, evenly spread.
         out: A folder for pictures of them; None for none.
         progress: Called with (stage, done, to do).
 
@@ -91,11 +91,8 @@ def _write_pictures(recording: Recording, out: Path, progress: Callable[[str, in
     written: list[str] = []
     for number, view in enumerate(recording.views):
         path = out / f"{number:03d}.png"
-        done, data = cv2.imencode(".png", cv2.cvtColor(draw_view(recording, view), cv2.COLOR_RGB2BGR))
-        if not done:
-            raise CalibrationError(f"OpenCV cannot make a PNG of the image at {view.frame.stamp_ns / 1e9:.3f} s")
         with whole(path) as temporary:
-            temporary.write_bytes(data.tobytes())
+            temporary.write_bytes(encode(draw_view(recording, view)))
         written.append(str(path))
         progress("drawing", number + 1, len(recording.views))
     return tuple(written)

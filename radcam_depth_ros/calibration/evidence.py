@@ -1,4 +1,4 @@
-"""How well a sensor's points fit the image, the road, the LiDAR and the vehicle's motion, were it placed so or so."""
+"""Scores of a sensor's pose: how well its points fit the image, the road, the LiDAR and the vehicle's motion."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from radcam_depth_ros.geometry import DoubleArray, RigidTransform, project
 from radcam_depth_ros.motion import MotionError, displacement
 
 PARTS = ("view", "road", "lidar", "doppler", "sweeps")
-"""What is looked at: in the image, not below the road, near the LiDAR's points, the Doppler as the vehicle's motion has
-it, and earlier and later sweeps at the same place."""
+"""Scores of a radar: points in the image, points not below the road, points near the LiDAR's, Doppler that agrees with
+the vehicle's motion, and agreement with earlier and later sweeps."""
 _SECOND = 1_000_000_000
 _LATE_NS = 150_000_000
 _MOST_POINTS = 500
@@ -42,7 +42,7 @@ _FEWEST = 5
 
 
 class Floor:
-    """Where things stand around the camera, seen from above.
+    """Occupied places around the camera, seen from above.
 
     Args:
         ground: The flat road, known or assumed.
@@ -110,7 +110,7 @@ class _Look:
 ValueT = TypeVar("ValueT", np.float32, np.intp)
 
 LIDAR_PARTS = ("road", "lidar")
-"""What is looked at of a LiDAR: its points on the road, and near the radars' returns."""
+"""Scores of a LiDAR: points on the road, and near the radars' returns."""
 
 
 def lidar_parts(recording: Recording, placements: Sequence[Placement], radars: Sequence[int]) -> DoubleArray:
@@ -118,8 +118,8 @@ def lidar_parts(recording: Recording, placements: Sequence[Placement], radars: S
 
     Args:
         recording: The drive.
-        placements: Where the LiDAR may be.
-        radars: The radars whose places are believed.
+        placements: Candidate poses of the LiDAR.
+        radars: The radars whose poses are trusted.
     """
     views = [view for view in recording.views if view.lidar_m is not None and len(view.lidar_m) >= _FEWEST]
     found = np.full((len(placements), len(views), len(LIDAR_PARTS)), np.nan)
@@ -140,18 +140,16 @@ def lidar_parts(recording: Recording, placements: Sequence[Placement], radars: S
 
 
 class Evidence:
-    """What a drive says of one radar's place.
+    """Scores of one radar's pose over a drive.
 
     Args:
         recording: The drive.
         index: The radar's.
     """
 
-    def __init__(self, recording: Recording, index: int, *, with_lidar: bool = True) -> None:
+    def __init__(self, recording: Recording, index: int) -> None:
         self._recording, self._radar = recording, recording.radars[index]
-        self._looks = [
-            look for view in recording.views if (look := self._look(view, index, with_lidar=with_lidar)) is not None
-        ]
+        self._looks = [look for view in recording.views if (look := self._look(view, index)) is not None]
 
     def __len__(self) -> int:
         """The number of images with returns."""
@@ -162,14 +160,14 @@ class Evidence:
         found = [[_parts(look, placement.pose) for look in self._looks] for placement in placements]
         return np.asarray(found, np.float64).reshape(len(placements), len(self._looks), len(PARTS))
 
-    def _look(self, view: View, index: int, *, with_lidar: bool) -> _Look | None:
+    def _look(self, view: View, index: int) -> _Look | None:
         radar, frame = self._radar, view.frame
         points_m = thinned(view.radar_m[index], _MOST_POINTS)
         if len(points_m) < _FEWEST:
             return None
         ground = frame.ground.or_assumed()
         lidar = None
-        if with_lidar and view.lidar_m is not None and self._recording.camera_from_lidar is not None:
+        if view.lidar_m is not None and self._recording.camera_from_lidar is not None:
             lidar = Floor(ground, upright(self._recording.camera_from_lidar.apply(view.lidar_m), ground))
         velocity, sight, speeds = self._doppler(radar, frame.stamp_ns)
         others = self._others(radar, frame.stamp_ns)

@@ -1,4 +1,4 @@
-"""How images move from one to the next."""
+"""Yaw rate of the camera from the motion of image points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Images with the radars' returns and the LiDAR's points drawn over them."""
+"""Draws radar returns and LiDAR points over images."""
 
 from __future__ import annotations
 

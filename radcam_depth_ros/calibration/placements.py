@@ -1,4 +1,4 @@
-"""Where else a sensor might be: the mistakes that are made with extrinsics."""
+"""Candidate poses of a sensor: common mistakes in extrinsics."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class Pose:
 
 @dataclass(frozen=True)
 class Placement:
-    """A way in which a sensor might be placed.
+    """A candidate pose of a sensor.
 
     Attributes:
         name: In few words, as in "the points fit better ...".
         pose: The place.
-        why: What is wrong if this is the right one.
+        why: The mistake, if this pose is right.
         transform: The name of the transform or parameter.
         kind: "given", "coarse" or "small".
     """
@@ -76,14 +76,14 @@ class Placement:
 
     @property
     def advice(self) -> str:
-        """What is wrong if this is the right one, and what to do."""
+        """The mistake, if this pose is right, and what to do."""
         if self.pose.is_mirrored:
             return self.why
         return f"{self.why}; give {self.transform} {' '.join(map(str, self.pose.numbers))}"
 
 
 def alternatives(given: Pose, up: npt.NDArray[np.floating], transform: str) -> tuple[Placement, ...]:
-    """The given place, then all others, the simplest mistakes first.
+    """The given pose, then all others, the simplest mistakes first.
 
     Args:
         given: As the bag tells it.

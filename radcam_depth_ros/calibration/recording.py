@@ -1,4 +1,4 @@
-"""Reads what a calibration check needs from a bag."""
+"""Reads the parts of a bag that its calibration is checked by."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from radcam_depth_ros.pairing import for_each_radar
 
 _SECOND = 1_000_000_000
 _LONGEST_S = 300.0
-"""Only the beginning of a longer bag is read: it says enough, and every image has to be decoded."""
+"""Only the beginning of a longer bag is read, since every image has to be decoded."""
 _MOST_RETURNS = 600
-"""So many returns of a sweep are kept."""
+"""Returns of a sweep that are kept."""
 _HELD_SCANS = 8
 
 
 class CalibrationError(RadcamDepthError):
-    """A bag whose calibration cannot be looked at, or a request that cannot be met."""
+    """A bag whose calibration cannot be checked, or a request that cannot be met."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class Radar:
 
     Attributes:
         topic: Its topic.
-        camera_from_radar: Its place as the bag or the settings tell it.
+        camera_from_radar: Its pose by the bag or the settings.
         sweeps: All of them, by time.
         is_over_ground: Its radial speeds are over ground already.
-        own_motions: How it moved at each sweep, by Doppler; None where that does not tell.
+        own_motions: Its motion at each sweep, by Doppler; None where unknown.
     """
 
     topic: str
@@ -70,7 +70,7 @@ class Radar:
 
 @dataclass(frozen=True)
 class View:
-    """An image that is looked at.
+    """An image that is used.
 
     Attributes:
         frame: The image with its returns, as the node sees them.
@@ -85,18 +85,18 @@ class View:
 
 @dataclass(frozen=True)
 class Recording:
-    """What is needed of a drive.
+    """The parts of a drive that are used.
 
     Attributes:
         topics: Its topics.
         seconds: How long it is.
         seconds_read: How much of that was read.
         radars: Its radars.
-        views: The images that are looked at, evenly spread.
+        views: The images that are used, evenly spread.
         camera_from_lidar: The LiDAR's place; None where there is none.
-        base_from_camera: From the camera to the frame whose motion is known; None where it is not.
+        base_from_camera: From the camera to the frame whose motion is known; None if it is unknown.
         motion: The vehicle's.
-        image_yaw_rate: How fast the camera turned, by the images: rad/s to the left.
+        image_yaw_rate: Yaw rate of the camera by the images, rad/s to the left.
     """
 
     topics: SensorTopics
@@ -118,7 +118,7 @@ def read_recording(
     Args:
         path: A rosbag2 folder or .mcap file.
         settings: How it is read.
-        frames: So many images are looked at.
+        frames: Number of images that are used.
         progress: Called with (messages read, messages to read).
 
     Raises:

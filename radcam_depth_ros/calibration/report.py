@@ -1,4 +1,4 @@
-"""What is told of a bag's calibration."""
+"""Results of a calibration check."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ OK, SUSPECT, UNKNOWN = "OK", "SUSPECT", "UNKNOWN"
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a sensor's points would fit if it were placed so.
+    """Scores of a candidate pose.
 
     Attributes:
-        name: The place, in words.
-        score: 0 to 1; 1 where no other place is better in anything.
+        name: The pose, in words.
+        score: 0 to 1; 1 where no other pose has a better score in any part.
         view: Share of the points in the image; None where unknown, as all that follow.
         road: Share of the points that are not below the road, nor high above it.
-        lidar: How near they are to the LiDAR's points seen from above, 1 on them, 0 at 2 m.
-        doppler: Share of the standing returns whose Doppler is what the vehicle's motion makes of it.
-        sweeps: How much nearer they are to those of other sweeps, moved by odometry, than by chance.
+        lidar: Nearness to the LiDAR's points seen from above, 1 on them, 0 at 2 m.
+        doppler: Share of the static returns whose Doppler agrees with the vehicle's motion.
+        sweeps: Nearness to returns of other sweeps, moved by odometry, minus that by chance.
     """
 
     name: str
@@ -32,16 +32,16 @@ class Fit:
 
 @dataclass(frozen=True)
 class SensorReport:
-    """A sensor's place.
+    """The result for a sensor's pose.
 
     Attributes:
         topic: Its topic.
         verdict: OK, SUSPECT or UNKNOWN.
         sentence: Why, and what to do.
-        images: So many were looked at.
+        images: Number of images that were used.
         points: Of them, in all.
-        given: How the given place fits.
-        alternatives: The others that fit best, the best first.
+        given: The given pose.
+        alternatives: The other poses with the best scores, the best first.
         undecided: Others that fit as well.
         yaw_off_deg: By how much it has to be turned to the left, by Doppler; None where unknown.
         yaw_error_deg: The standard deviation of that.
@@ -64,7 +64,7 @@ class ShiftFacts:
     """By how much the stamps of one sensor have to be shifted to fit another.
 
     Attributes:
-        what: The two, and by what they were compared.
+        what: The two sensors, and the compared quantity.
         seconds: To be added to the first one's stamps; None where it cannot be told.
         error_s: The standard deviation of that.
         correlation: Of the two, once shifted.
@@ -80,7 +80,7 @@ class ShiftFacts:
 
 @dataclass(frozen=True)
 class TimeReport:
-    """A radar's clock.
+    """The result for a radar's clock.
 
     Attributes:
         topic: The radar.
@@ -88,7 +88,7 @@ class TimeReport:
         sentence: Why, and what to do.
         radar_time_offset_s: What the parameter should be; None where unknown.
         error_s: The standard deviation of that.
-        shifts: What it was made of.
+        shifts: The shifts that it was computed from.
     """
 
     topic: str
@@ -101,7 +101,7 @@ class TimeReport:
 
 @dataclass(frozen=True)
 class Report:
-    """All of it.
+    """The result of a calibration check.
 
     Attributes:
         bag: Where the bag is.

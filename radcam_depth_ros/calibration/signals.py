@@ -1,4 +1,4 @@
-"""Values over time, and by how much one runs behind another."""
+"""Signals over time, and the time shift between two of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STEP_S = 0.01
 _BLOCKS = 8
 _FEWEST = 20
 _LARGEST_ERROR_S = 0.06
-"""A shift that is not known better than this is not told."""
+"""A shift with a larger error counts as unknown."""
 _LEAST_CORRELATION = 0.6
 _GAP_S = 0.4
 _OUTLIER = 4.0
@@ -53,13 +53,13 @@ class Signal:
 
 @dataclass(frozen=True)
 class Shift:
-    """What has to be added to the times of one signal so that it fits another.
+    """Time to add to one signal so that it fits another.
 
     Attributes:
-        seconds: That; NaN where it cannot be told.
+        seconds: The shift; NaN where unknown.
         error_s: Its standard deviation.
         correlation: Of the two signals, once shifted.
-        problem: Why it cannot be told; empty where it can.
+        problem: Why it is unknown; empty where it is known.
     """
 
     seconds: float
@@ -69,12 +69,12 @@ class Shift:
 
     @property
     def is_known(self) -> bool:
-        """Whether it can be told."""
+        """Whether the shift is known."""
         return not self.problem
 
 
 def estimate_shift(late: Signal, reference: Signal, least_error_s: float = 0.01) -> Shift:
-    """By how much the times of one signal have to be shifted to fit another, which may differ by scale and offset.
+    """Estimates the time shift between two signals, which may differ by scale and offset.
 
     The shift of the highest correlation; its error is that of leaving out an eighth of the time at once (jackknife).
 

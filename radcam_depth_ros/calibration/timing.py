@@ -1,4 +1,4 @@
-"""By how much a radar's stamps are off from the camera's."""
+"""Estimates the time offset between radar and camera."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from radcam_depth_ros.calibration.signals import LARGEST_SHIFT_S, Shift, Signal,
 from radcam_depth_ros.geometry import DoubleArray, RigidTransform
 
 _SUSPECT_S = 0.04
-"""A sweep is taken over so long; less is not worth a word."""
+"""Duration of a sweep; smaller offsets are not reported."""
 _CERTAIN = 3.0
 _IMAGE_ERROR_S = 0.02
-"""How well images tell when the camera turned."""
+"""Least error of a shift that is estimated from images."""
 _STEP_NS = 20_000_000
 _HALF_WINDOW_NS = 40_000_000
 _SECOND = 1_000_000_000
@@ -57,9 +57,12 @@ class _Step:
 
 def _judge(recording: Recording, radar: Radar, offset_s: float, steps: Sequence[_Step], camera: Shift) -> TimeReport:
     facts: list[ShiftFacts] = []
+
+    def unknown(sentence: str) -> TimeReport:
+        return TimeReport(radar.topic, UNKNOWN, sentence, None, None, tuple(facts))
+
     if radar.is_over_ground or not any(np.isfinite(sweep.radial_speed_mps).any() for sweep in radar.sweeps):
-        sentence = "its radial speeds are none, or over ground already, so they do not tell how it moves"
-        return TimeReport(radar.topic, UNKNOWN, sentence, None, None, ())
+        return unknown("its radial speeds are none, or over ground already, so they do not tell how it moves")
     times_s = [sweep.stamp_ns / _SECOND for sweep in radar.sweeps]
     own_speed = Signal.of(times_s, [math.nan if own is None else own.speed_mps for own in radar.own_motions])
     by_speed = estimate_shift(own_speed, _speed(recording, radar, steps))
@@ -80,18 +83,16 @@ def _judge(recording: Recording, radar: Radar, offset_s: float, steps: Sequence[
         found.append((by_turn.seconds, by_turn.error_s))
         assumed = ""
     if not found:
-        sentence = (
+        return unknown(
             f"cannot be told: radar and odometry by their speed: {by_speed.problem}; radar and camera by turning: "
             f"{by_turn.problem}; record some braking and some turns, with odometry"
         )
-        return TimeReport(radar.topic, UNKNOWN, sentence, None, None, tuple(facts))
     seconds, error_s = min(found, key=lambda item: item[1])
     if len(found) == 2 and abs(found[0][0] - found[1][0]) > _CERTAIN * math.hypot(found[0][1], found[1][1]):
-        sentence = (
+        return unknown(
             f"cannot be told: by speed the stamps have to be shifted by {found[0][0]:+.3f} s, by turning by "
             f"{found[1][0]:+.3f} s"
         )
-        return TimeReport(radar.topic, UNKNOWN, sentence, None, None, tuple(facts))
     value, rounded_error = round(offset_s + seconds, 3), round(error_s, 3)
     if abs(seconds) > max(_SUSPECT_S, _CERTAIN * error_s):
         sentence = (

@@ -1,4 +1,4 @@
-"""From how well places fit to a verdict on the given one."""
+"""Verdict on a sensor's given pose from the scores of all candidates."""
 
 from __future__ import annotations
 

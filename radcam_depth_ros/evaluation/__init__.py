@@ -1,1 +1,1 @@
-"""How good depth images are: measures, what geometry alone gives, and a report to look at."""
+"""Metrics of depth images against ground truth, baselines, and the tables and curves of a report."""

@@ -1,13 +1,8 @@
-"""Depth by simpler means: what a network must beat to earn its place.
+"""Baselines that a network is compared with.
 
-`camera_only` is the network itself without its radar. `radar_interpolation` knows the returns alone: no image, no road.
-
-`ground_nearest` knows two things: the road is flat, and something is where the radar says. Below the horizon it takes
-the flat road, or the radar return nearest in the image where that is closer; above the horizon the return alone.
-
-Where the camera's height is not known a level camera at `ASSUMED_HEIGHT_M` is assumed: behind a passenger car's
-windscreen. Little hangs on it. On a real drive whose camera is at 1.58 m, as a plane fitted to LiDAR says, 1.3 to 1.6 m
-give a mean absolute error within 50 m of 3.1 to 3.5 m.
+`camera_only` is the network without radar returns. `radar_interpolation` uses the returns alone. `ground_nearest` takes
+the flat road or, where that is closer, the radar return nearest in the image; above the horizon the return alone. Where
+the camera's height is not known, a level camera at `ASSUMED_HEIGHT_M` is assumed.
 """
 
 from __future__ import annotations
@@ -23,7 +18,7 @@ from radcam_depth_ros.resampling import spread_nearest
 
 BASELINES = ("ground_nearest", "camera_only", "radar_interpolation")
 FARTHEST_M = 100.0
-"""What the sky and the road beyond are given: the far end of the networks' depth range."""
+"""Depth of the sky and of the road beyond: the far end of the networks' depth range, metres."""
 CELLS_ACROSS = 400
 """Cells of `radar_interpolation`."""
 INTERPOLATION_POWER = 4.0
@@ -37,22 +32,13 @@ def known_or_assumed_ground(frame: Frame, height_m: float | None = None) -> Grou
     return dataclasses.replace(frame.ground, height_m=ASSUMED_HEIGHT_M if height_m is None else height_m)
 
 
-def flat_road(camera: CameraModel, ground: GroundPlane, farthest_m: float = FARTHEST_M) -> FloatArray:
-    """Depth of the flat road.
-
-    Args:
-        camera: The camera.
-        ground: The road; its height must be known.
-        farthest_m: Depth above the horizon, and the limit below it.
-
-    Returns:
-        (H, W) float32 metres, (0, farthest_m].
-    """
+def flat_road(camera: CameraModel, ground: GroundPlane) -> FloatArray:
+    """Depth of the flat road, whose height must be known: (H, W) float32 metres, (0, `FARTHEST_M`]."""
     a, b, c, _ = ground_coefficients(ground, camera)
     columns = a * np.arange(camera.width, dtype=np.float32)
     rows = b * np.arange(camera.height, dtype=np.float32) + c
     inverse = columns[None, :] + rows[:, None]
-    road: FloatArray = np.reciprocal(np.maximum(inverse, np.float32(1.0 / farthest_m)))
+    road: FloatArray = np.reciprocal(np.maximum(inverse, np.float32(1.0 / FARTHEST_M)))
     return road
 
 
@@ -62,23 +48,19 @@ def nearest_return(frame: Frame) -> FloatArray:
 
 
 def without_radar(frame: Frame) -> Frame:
-    """The frame as it is when all radars are silent: what `camera_only` gives the network."""
+    """The frame without radar returns, for `camera_only`."""
     return dataclasses.replace(frame, radar=RadarReturns.empty(), radar_counts=(0,) * len(frame.radar_counts))
 
 
-def radar_interpolation(frame: Frame, farthest_m: float = FARTHEST_M) -> FloatArray:
+def radar_interpolation(frame: Frame) -> FloatArray:
     """Depth between the projected returns: the mean of their inverse depths, weighted by distance in the image.
 
-    Shepard's interpolation (1968), as two convolutions, so that its cost does not depend on the number of returns. It
-    is done in cells, of which an image has `CELLS_ACROSS` along its longer side; the nearest return of a cell counts.
-    Inverse depth is linear in the image over any plane, and halves the error: 9 m in place of 12 to 15 m within 80 m.
-
-    Args:
-        frame: The frame; its image and its road are not looked at.
-        farthest_m: Depth where there is no return in view at all, metres.
+    Shepard's interpolation, as two convolutions, so that its cost does not depend on the number of returns. It is done
+    in cells, `CELLS_ACROSS` along the image's longer side; the nearest return of a cell counts. Inverse depth is linear
+    in the image over any plane.
 
     Returns:
-        (H, W) float32 metres.
+        (H, W) float32 metres; `FARTHEST_M` where no return is in view.
     """
     camera = frame.camera
     scale = min(1.0, CELLS_ACROSS / max(camera.width, camera.height))
@@ -95,7 +77,7 @@ def radar_interpolation(frame: Frame, farthest_m: float = FARTHEST_M) -> FloatAr
     known = depth_image(frame.radar.xyz_m, cells)
     is_known = np.isfinite(known)
     if not is_known.any():
-        return np.full((camera.height, camera.width), farthest_m, np.float32)
+        return np.full((camera.height, camera.width), FARTHEST_M, np.float32)
     # Twice the size, so that the far ends do not meet: a convolution by Fourier's transform is circular.
     shape = (2 * height, 2 * width)
     rows, columns = (np.minimum(np.arange(size), size - np.arange(size)) for size in shape)
@@ -110,18 +92,17 @@ def radar_interpolation(frame: Frame, farthest_m: float = FARTHEST_M) -> FloatAr
     return enlarged
 
 
-def ground_nearest(frame: Frame, height_m: float | None = None, farthest_m: float = FARTHEST_M) -> FloatArray:
-    """The flat road or the radar return nearest in the image, whichever is closer; see the module's text.
+def ground_nearest(frame: Frame, height_m: float | None = None) -> FloatArray:
+    """The flat road or the radar return nearest in the image, whichever is closer; without returns, the flat road.
 
     Args:
-        frame: The frame; its image is not looked at.
+        frame: The frame; its image is not used.
         height_m: The camera's height above the road where the frame does not know it.
-        farthest_m: Limit, metres.
 
     Returns:
-        (H, W) float32 metres, (0, farthest_m]. Without returns in view, the flat road alone.
+        (H, W) float32 metres, (0, `FARTHEST_M`].
     """
-    road = flat_road(frame.camera, known_or_assumed_ground(frame, height_m), farthest_m)
-    # fmin leaves out the NaN of "no return in view". Above the horizon the road is at farthest_m: the return wins.
+    road = flat_road(frame.camera, known_or_assumed_ground(frame, height_m))
+    # fmin leaves out the NaN of "no return in view". Above the horizon the road is at FARTHEST_M: the return wins.
     closer: FloatArray = np.fmin(road, nearest_return(frame))
     return closer

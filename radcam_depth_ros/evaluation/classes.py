@@ -1,4 +1,4 @@
-"""Dense depth by what a pixel shows."""
+"""Metrics of the dense depth by class, and by group of classes."""
 
 from __future__ import annotations
 

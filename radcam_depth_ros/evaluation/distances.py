@@ -1,4 +1,4 @@
-"""Error over distance, in fine steps: what a report draws."""
+"""Mean absolute error by distance of the ground truth, in steps of 5 m."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from radcam_depth_ros.frame import FloatArray
 
 STEP_M = 5.0
 FARTHEST_M = 100.0
-"""The curve ends here, and predictions are clipped to it."""
+"""End of the curve; predictions are clipped to it."""
 
 
 @dataclass(frozen=True)

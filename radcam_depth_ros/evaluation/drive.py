@@ -1,4 +1,4 @@
-"""Measures a network, or anything else that gives depth images, over drives with ground truth."""
+"""Evaluates depth images over drives with ground truth, from a network or another source."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation, Latenc
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
 
 Predict = Callable[[Frame], "DepthResult | None"]
-"""Gives a frame's depth; None where there is none, of a frame that a live node dropped for example."""
+"""Depth of a frame; None without depth, such as for a frame that a live node dropped."""
 
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """How to measure.
+    """Settings of an evaluation.
 
     Attributes:
-        network: What the result is filed under.
+        network: Name in the result.
         camera_height_m: Height of the camera above the road, for geometry alone, where the frames do not know it; None
             for an assumed one.
         clip_m: Predictions are clipped to this instead of to each range; None for the usual protocol.
-        baselines: Which of `BASELINES` are measured besides. `camera_only` costs a second pass of the network.
+        baselines: Which of `BASELINES` are evaluated as well. `camera_only` costs a second pass of the network.
     """
 
     network: str = "network"
@@ -68,7 +68,7 @@ class Drive:
     Attributes:
         samples: The frames with their ground truth, in order.
         name: Of the bag; empty where it does not matter.
-        scenario: What is known of the drive as a whole: weather, time of day and so on.
+        scenario: Properties of the whole drive: weather, time of day and so on.
     """
 
     samples: Iterable[Sample]
@@ -78,7 +78,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class FrameMeasures:
-    """What was measured of one frame; NaN where it has no ground truth.
+    """Metrics of one frame; NaN without ground truth.
 
     Attributes:
         dense: (ranges, 8) float64: each of `RANGES`, each of `MEASURES`.
@@ -99,7 +99,7 @@ class FrameMeasures:
 
 @dataclass(frozen=True)
 class Observation:
-    """One frame of an evaluation, for whoever wants to look on.
+    """One frame of an evaluation, given to an observer.
 
     Attributes:
         drive: The drive it belongs to.
@@ -107,7 +107,7 @@ class Observation:
         sample: The frame and its ground truth.
         result: Its depth, at the size of the ground truth.
         baselines: Depth of each baseline, (H, W) float32 metres, by its name.
-        measures: What was measured.
+        measures: Its metrics.
     """
 
     drive: Drive
@@ -139,13 +139,13 @@ def evaluate_drives(
     settings: EvaluationSettings | None = None,
     observe: Callable[[Observation], None] | None = None,
 ) -> Evaluation:
-    """Estimates and measures every frame of some drives; averages are over all frames, whichever drive they are of.
+    """Estimates and evaluates every frame of some drives; averages are over all frames of all drives.
 
     Args:
         drives: Frames with their ground truth. One frame is held at a time.
-        predict: Gives the depth of a frame.
-        settings: How to measure.
-        observe: Is shown every frame that has depth.
+        predict: Returns the depth of a frame.
+        settings: Settings of the evaluation.
+        observe: Called with every frame that has depth.
 
     Raises:
         EvaluationError: when there are no samples, or a depth image cannot be the same view as its frame.

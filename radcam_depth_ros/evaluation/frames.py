@@ -1,4 +1,4 @@
-"""Each frame's own measures: a CSV file of them, and the worst frames."""
+"""Metrics of each frame: a CSV file, and a table of the worst frames."""
 
 from __future__ import annotations
 

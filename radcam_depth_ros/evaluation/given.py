@@ -1,4 +1,4 @@
-"""What a network was given over a drive: a result means little without it."""
+"""Inputs of a network over a drive: image sizes, radar returns, the road."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def returns_in_view(frame: Frame) -> int:
 
 @dataclass(frozen=True)
 class Given:
-    """What frames were made of.
+    """Inputs of the frames of a drive.
 
     Attributes:
         image_sizes: As "1600 x 900", each once.
@@ -61,7 +61,7 @@ class Given:
 
 
 class GivenAccumulator:
-    """Looks at what the frames of a drive are made of.
+    """Summarises the inputs of the frames of a drive.
 
     Args:
         camera_height_m: The height that geometry alone is given where a frame does not know it; None for an assumed
@@ -91,7 +91,7 @@ class GivenAccumulator:
         return self._in_view[-1]
 
     def result(self) -> Given:
-        """What was seen so far."""
+        """The summary so far."""
         frames = len(self._in_view)
         return Given(
             tuple(self._sizes),

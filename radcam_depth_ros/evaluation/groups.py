@@ -1,4 +1,4 @@
-"""Measures of frames that have something in common: weather, time of day, the number of returns, the bag."""
+"""Metrics by group of frames: by weather, time of day, number of returns, or bag."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from radcam_depth_ros.evaluation.metrics import DepthMetrics, FrameMean
 
 RETURNS, BAG = "returns", "bag"
 SCENARIO = ("weather", "time_of_day", "season", "street")
-"""What of a drive's scenario frames are grouped by."""
+"""Properties of a drive's scenario that frames are grouped by."""
 _RETURN_BOUNDS = (0, 10, 50, 200, 1000)
 RETURN_BINS = ("0", "1-10", "11-50", "51-200", "201-1000", ">1000")
 """Numbers of radar returns in view."""
@@ -26,10 +26,10 @@ def return_bin(count: int) -> str:
 
 @dataclass(frozen=True)
 class Group:
-    """Frames that have something in common.
+    """Frames that share a property.
 
     Attributes:
-        name: What they have in common: "rain", "11-50".
+        name: The value of the property: "rain", "11-50".
         dense: The dense depth within the widest range.
         baselines: The same of each baseline, by its name.
     """

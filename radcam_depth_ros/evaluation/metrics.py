@@ -1,4 +1,4 @@
-"""The measures of a depth image against ground truth, taken per frame and then averaged over frames.
+"""Depth metrics, taken for each frame and then averaged over frames.
 
 Definitions follow the literature of this field ([Eigen2014]; ranges as in [Long2021] and its successors): ground
 truth within (0, R] metres, predictions clipped to the same range.
@@ -28,7 +28,7 @@ class DepthRange:
     """Which ground truth counts.
 
     Attributes:
-        name: What the measures are filed under: "50", "10-30".
+        name: Name in results: "50", "10-30".
         lower_m: Ground truth must be farther than this.
         upper_m: Ground truth must not be farther than this.
         clip_m: Predictions are clipped to (0, clip_m].
@@ -53,7 +53,7 @@ class DepthRange:
 
 
 RANGES = tuple(DepthRange.within(upper_m) for upper_m in (50.0, 70.0, 80.0))
-"""The ranges that every table of the field has."""
+"""The ranges of published tables."""
 BINS = tuple(
     DepthRange(f"{lower_m:g}-{upper_m:g}", lower_m, upper_m, 100.0)
     for lower_m, upper_m in ((0.0, 10.0), (10.0, 30.0), (30.0, 50.0), (50.0, 100.0))
@@ -203,7 +203,7 @@ class FrameMean:
     """Averages measures over frames.
 
     Args:
-        name: What the average is filed under.
+        name: Name in results.
     """
 
     def __init__(self, name: str) -> None:

@@ -1,8 +1,7 @@
-"""What a confidence is worth: the error of what is left when the least confident pixels are taken away.
+"""Sparsification curves of a confidence [Ilg2018].
 
-Sparsification curves as in [Ilg2018]: the error of the remaining pixels over the share that is taken away, beside
-an oracle that knows the errors and takes away the largest first. The area between the two (AUSE) is 0 for a confidence
-that orders pixels as their errors do.
+The error of the remaining pixels over the share that is removed, least confident first, beside an oracle that removes
+the largest errors first. The area between the two (AUSE) is 0 for a confidence that orders pixels as their errors do.
 """
 
 from __future__ import annotations
@@ -17,18 +16,18 @@ from radcam_depth_ros.evaluation.metrics import DepthRange, absolute_error, json
 from radcam_depth_ros.frame import FloatArray
 
 REMOVED = tuple(step / 20 for step in range(20))
-"""Shares of the pixels that are taken away: 0 to 95 %."""
+"""Shares of the pixels that are removed: 0 to 95 %."""
 _LEVELS = 1 << 16
-"""Confidences are told apart to this many steps between 0 and 1."""
+"""Steps of confidence between 0 and 1."""
 
 
 @dataclass(frozen=True)
 class SparsificationCurve:
-    """One measure over the shares that are taken away.
+    """One metric over the shares that are removed.
 
     Attributes:
-        by_confidence: Metres, one for each of `REMOVED`, the least confident pixels taken away.
-        oracle: The same with the largest errors taken away.
+        by_confidence: Metres, one for each of `REMOVED`, the least confident pixels removed.
+        oracle: The same with the largest errors removed.
     """
 
     by_confidence: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""What an evaluation gives: values to print, to write as JSON and to compare."""
+"""The result of an evaluation, and its JSON."""
 
 from __future__ import annotations
 
@@ -66,21 +66,21 @@ class DepthSummary:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What was measured over one or several drives.
+    """Metrics over one or several drives.
 
     Attributes:
-        network: What gave the depth.
+        network: Name of the network.
         frames: Frames of the drives.
         frames_missing: Those that have no depth.
         ground_truth: Where the ground truth is from: "exact", "lidar" or "none"; joined by "+" where frames differ.
-        given: What the frames were made of.
+        given: Inputs of the frames.
         dense: The dense depth.
         semi_dense: The semi-dense depth.
-        baselines: Simpler means on the same frames, by their names in `baselines.BASELINES`.
-        by_class: The dense depth within the widest range by what a pixel shows, where the drives know.
+        baselines: Baselines on the same frames, by their names in `baselines.BASELINES`.
+        by_class: The dense depth within the widest range by class, where the drives have classes.
         by_class_group: The same by group of classes.
-        groupings: The dense depth and the baselines by what frames have in common.
-        sparsification: What the confidence is worth.
+        groupings: The dense depth and the baselines by group of frames.
+        sparsification: Sparsification by the confidence.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
         scans: How the LiDAR scans near the frames became ground truth.

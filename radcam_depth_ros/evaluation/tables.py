@@ -1,11 +1,11 @@
-"""An evaluation as facts and tables of text, for a terminal and for the report."""
+"""Facts and tables of an evaluation, for the terminal and for the report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
 from radcam_depth_ros.evaluation.given import Given
-from radcam_depth_ros.evaluation.groups import SCENARIO, Grouping
+from radcam_depth_ros.evaluation.groups import RETURNS, SCENARIO, Grouping
 from radcam_depth_ros.evaluation.metrics import DepthMetrics
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.reporting.table import Fact, Table, number
@@ -17,9 +17,9 @@ BASELINE_TITLES = {
     "radar_interpolation": "radar alone",
 }
 _BASELINE_NOTES = {
-    "ground_nearest": "Geometry alone: the flat road, or the radar return nearest in the image where that is closer.",
-    "camera_only": "Camera alone: the same network without any radar return.",
-    "radar_interpolation": "Radar alone: interpolated between the returns.",
+    "ground_nearest": "the flat road, or the radar return nearest in the image where that is closer.",
+    "camera_only": "the same network without any radar return.",
+    "radar_interpolation": "interpolated between the returns.",
 }
 _TITLES = {
     "mae": "MAE m",
@@ -31,14 +31,6 @@ _TITLES = {
     "d2": "d2",
     "d3": "d3",
 }
-_GROUPING_TITLES = {
-    "returns": "By number of radar returns in view",
-    "weather": "By weather",
-    "time_of_day": "By time of day",
-    "season": "By season",
-    "street": "By street",
-    "bag": "By bag",
-}
 _HEIGHT_SOURCES = {
     "frame": "from the drive's transforms or the configuration",
     "given": "as given",
@@ -47,7 +39,7 @@ _HEIGHT_SOURCES = {
 
 
 def summary_table(evaluation: Evaluation) -> Table:
-    """Mean absolute and root mean squared errors within each range: what papers of this field compare."""
+    """Mean absolute and root mean squared errors within each range."""
     kinds = _kinds(evaluation)
     ranges = [entry.name for entry in evaluation.dense.ranges]
     columns = ("", *(f"{title} {name}" for title in ("MAE", "RMSE") for name in ranges))
@@ -57,7 +49,7 @@ def summary_table(evaluation: Evaluation) -> Table:
     )
     notes = (
         "Averaged over the pixels with ground truth in range, then over frames. Semi-dense: where it has values.",
-        *(_BASELINE_NOTES[name] for name in evaluation.baselines),
+        *(f"{BASELINE_TITLES[name].capitalize()}: {_BASELINE_NOTES[name]}" for name in evaluation.baselines),
     )
     return Table("Error in metres, of all within 50, 70 and 80 m", columns, rows, " ".join(notes))
 
@@ -85,7 +77,7 @@ def distance_table(evaluation: Evaluation) -> Table:
 
 
 def class_tables(evaluation: Evaluation) -> Iterator[Table]:
-    """The dense depth by what a pixel shows; none where the drives do not know."""
+    """The dense depth by class; none where the drives have no classes."""
     within = f"within {evaluation.dense.ranges[-1].name} m"
     for title, entries in (
         (f"By class, {within}", evaluation.by_class),
@@ -97,8 +89,9 @@ def class_tables(evaluation: Evaluation) -> Iterator[Table]:
 
 
 def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
-    """The dense depth by what frames have in common, beside the baselines."""
-    title = f"{_GROUPING_TITLES[grouping.name]}, within {evaluation.dense.ranges[-1].name} m"
+    """The dense depth by group of frames, beside the baselines."""
+    property_ = "number of radar returns in view" if grouping.name == RETURNS else grouping.name.replace("_", " ")
+    title = f"By {property_}, within {evaluation.dense.ranges[-1].name} m"
     baselines = tuple(f"MAE m, {BASELINE_TITLES[name]}" for name in evaluation.baselines)
     rows = tuple(
         (
@@ -112,7 +105,7 @@ def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
 
 
 def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
-    """Every table that has something to say about the evaluation."""
+    """All tables of the evaluation that have rows."""
     return (
         summary_table(evaluation),
         distance_table(evaluation),
@@ -123,7 +116,7 @@ def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
 
 
 def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
-    """What the evaluation was made with."""
+    """Inputs and settings of the evaluation."""
     facts = [Fact("network", evaluation.network), Fact("frames", str(evaluation.frames))]
     if evaluation.frames_missing:
         facts.append(Fact("frames without depth", str(evaluation.frames_missing)))
@@ -131,7 +124,7 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     if evaluation.scans.scans:
         facts.append(Fact("LiDAR scans", "; ".join(evaluation.scans.sentences)))
     facts.append(Fact("the network was given", _given(evaluation.given)))
-    # What all frames have in common has no table.
+    # A property that all frames share has no table.
     alike = {entry.name: entry.groups[0].name for entry in evaluation.groupings if len(entry.groups) == 1}
     scenario = [alike[name] for name in SCENARIO if name in alike]
     if scenario:

@@ -1,4 +1,4 @@
-"""What a bag holds for the node: rates, contents, frames, clocks, what is missing, and parameters that fit it."""
+"""Inspects a bag for the node: rates, contents, frames, clocks, missing inputs, and fitting parameters."""
 
 from radcam_depth_ros.inspection.parameter_file import check_parameters, render_parameters, write_parameters
 from radcam_depth_ros.inspection.report import (

@@ -1,4 +1,4 @@
-"""Which parameters of the node fit a bag, and why."""
+"""Suggests the node's parameters for a bag."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from radcam_depth_ros.inspection.suggestion import (
 from radcam_depth_ros.pairing import CLOCK_CERTAIN_S, CLOCK_WARNING_S, PairingConfig
 
 _LARGEST_OFFSET_S = 10.0
-"""What the parameters for time take at most."""
+"""Largest value of the parameters for time."""
 _REASONS = {
     "image_topic": "The camera.",
     "image_transport": "How its images are published.",

@@ -1,7 +1,8 @@
-"""What is missing or odd in a bag, and what to do about it."""
+"""Findings about a bag: missing or unusual inputs, and what to do about them."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Iterator, Sequence
 
 from radcam_depth_ros.inspection.report import (
@@ -21,6 +22,7 @@ _GAP_S = 1.0
 _GAP_PERIODS = 5.0
 _SHARE_WITH_SWEEP = 0.9
 _SENSOR_ROLES = ("camera", "camera_info", "radar")
+_error, _warning, _note = (functools.partial(Finding, severity) for severity in SEVERITIES)
 
 
 def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -31,35 +33,31 @@ def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 def of_topics(topics: Sequence[TopicFacts], roles: Roles) -> Iterator[Finding]:
     """Missing topics, gaps, stamps and frames of the sensors."""
     for sentence in roles.lacks:
-        yield Finding("error", sentence)
+        yield _error(sentence)
     for topic in topics:
         if "radar" in topic.type.lower():
-            yield Finding(
-                "note",
+            yield _note(
                 f"{topic.topic} is of {topic.type}, which the node does not read; use the driver's "
-                "sensor_msgs/PointCloud2, or convert it to one",
+                "sensor_msgs/PointCloud2, or convert it to one"
             )
         if topic.role not in _SENSOR_ROLES:
             continue
         if topic.backwards:
-            yield Finding(
-                "warning",
+            yield _warning(
                 f"{topic.backwards} stamps on {topic.topic} are earlier than the one before; the node starts its "
-                "pairing anew at each jump, so look for a second publisher or a clock that is set back",
+                "pairing anew at each jump, so look for a second publisher or a clock that is set back"
             )
         period_s = 1 / topic.hz if topic.hz else 0.0
         gap_s = topic.largest_gap_s or 0.0
         if topic.role != "camera_info" and gap_s > max(_GAP_S, _GAP_PERIODS * period_s):
-            yield Finding(
-                "warning",
+            yield _warning(
                 f"{topic.topic} pauses for {gap_s:.1f} s, its messages come every {period_s:.2f} s elsewhere; the "
-                "sensor was off, or the recorder lost messages",
+                "sensor was off, or the recorder lost messages"
             )
         if topic.role != "camera_info" and "" in topic.frame_ids:
             parameter = "camera_frame" if topic.role == "camera" else "radar_frame"
-            yield Finding(
-                "error",
-                f"messages on {topic.topic} have an empty frame_id; set it in the driver, or the parameter {parameter}",
+            yield _error(
+                f"messages on {topic.topic} have an empty frame_id; set it in the driver, or the parameter {parameter}"
             )
 
 
@@ -68,22 +66,20 @@ def of_images(images: Sequence[ImageFacts], cameras: Sequence[CameraFacts], role
     image = next((facts for facts in images if facts.topic == roles.image), None)
     camera = next((facts for facts in cameras if facts.topic == roles.camera_info), None)
     if image is not None and image.problem:
-        yield Finding("error", f"{image.topic}: {image.problem}")
+        yield _error(f"{image.topic}: {image.problem}")
     if camera is not None and camera.problem:
-        yield Finding("error", f"{camera.topic}: {camera.problem}")
+        yield _error(f"{camera.topic}: {camera.problem}")
     elif camera is not None and image is not None and image.width:
         if (camera.width, camera.height) != (image.width, image.height):
-            yield Finding(
-                "error",
+            yield _error(
                 f"the images on {image.topic} have {image.width} x {image.height} pixels, their camera_info says "
                 f"{camera.width} x {camera.height}; publish the camera_info of the resized image, or set its binning "
-                "and region of interest",
+                "and region of interest"
             )
         elif camera.is_distorted and "rect" in image.topic.rsplit("/", 1)[-1]:
-            yield Finding(
-                "warning",
+            yield _warning(
                 f"{image.topic} sounds rectified, but its camera_info has distortion ({camera.model}); "
-                "image_is_rectified: true keeps the node from rectifying it again",
+                "image_is_rectified: true keeps the node from rectifying it again"
             )
 
 
@@ -93,17 +89,16 @@ def of_clouds(clouds: Sequence[CloudFacts], roles: Roles) -> Iterator[Finding]:
         if cloud.topic not in roles.radars:
             continue
         if cloud.problem:
-            yield Finding("error", f"{cloud.topic}: {cloud.problem}")
+            yield _error(f"{cloud.topic}: {cloud.problem}")
             continue
         if cloud.points is None or not cloud.points[2]:
-            yield Finding("warning", f"no cloud on {cloud.topic} has a point; check the driver's filters")
+            yield _warning(f"no cloud on {cloud.topic} has a point; check the driver's filters")
             continue
         for words, found in (("radar cross section", cloud.rcs), ("Doppler speed", cloud.radial_speed)):
             if not found:
-                yield Finding(
-                    "note",
+                yield _note(
                     f"{cloud.topic} has no {words} by a name that is known, only {' '.join(cloud.fields)}; the node "
-                    "does without",
+                    "does without"
                 )
 
 
@@ -111,22 +106,19 @@ def of_extrinsics(extrinsics: Sequence[ExtrinsicFacts], *, road_is_known: bool, 
     """Where the radars and the road are."""
     for facts in extrinsics:
         if facts.problem and facts.radar_frame and facts.camera_frame:
-            yield Finding(
-                "error",
+            yield _error(
                 f"{facts.topic}: {facts.problem}; record /tf_static, or set the parameter camera_from_radar "
-                "(x y z qx qy qz qw)",
+                "(x y z qx qy qz qw)"
             )
         elif facts.heading_deg is not None and abs(facts.heading_deg) > 90.0:
-            yield Finding(
-                "warning",
+            yield _warning(
                 f"{facts.topic} looks away from the camera's axis by {abs(facts.heading_deg):.0f} degrees, so that the "
-                "camera sees little of it; check the extrinsics, or leave this radar out",
+                "camera sees little of it; check the extrinsics, or leave this radar out"
             )
     if extrinsics and not road_is_known:
-        yield Finding(
-            "warning",
+        yield _warning(
             f"no transform to {footprint}, so the road is not known; set camera_height_m (and camera_pitch_deg), "
-            "which helps much",
+            "which helps much"
         )
 
 
@@ -135,11 +127,10 @@ def of_offsets(offsets: Sequence[OffsetFacts], limit_s: float) -> Iterator[Findi
     for facts in offsets:
         clock_ms = facts.clock_ms
         if clock_ms is not None and abs(clock_ms) > CLOCK_WARNING_S * 1e3:
-            yield Finding("warning", clock_warning(facts.topic, clock_ms / 1e3, "by the recorder's clock"))
+            yield _warning(clock_warning(facts.topic, clock_ms / 1e3, "by the recorder's clock"))
         elif facts.within < _SHARE_WITH_SWEEP:
-            yield Finding(
-                "warning",
+            yield _warning(
                 f"{100 * (1 - facts.within):.0f} % of the images have no sweep of {facts.topic} within {limit_s:g} s, "
                 f"the nearest is up to {facts.p95_ms:.0f} ms away; check the sensors' clocks, or raise "
-                "max_time_offset_s",
+                "max_time_offset_s"
             )

@@ -1,4 +1,4 @@
-"""The parameter file that fits a bag."""
+"""Writes the suggested parameters as a ROS parameter file."""
 
 from __future__ import annotations
 

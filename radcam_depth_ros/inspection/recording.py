@@ -1,4 +1,4 @@
-"""What is noted of a topic's messages while a bag is read."""
+"""Collects facts about a topic while its bag is read."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radcam_depth_ros.inspection.timing import timing_of
 from radcam_depth_ros.messages import Calibration, decode_depth, decode_image, decode_radar, radar_fields
 
 _SAMPLES = 5
-"""So many messages of a topic are looked at as a whole; of all others the header is enough."""
+"""Messages of a topic that are decoded whole; of all others only the header is read."""
 _DEPTH_ENCODINGS = ("32fc1", "16uc1")
 
 

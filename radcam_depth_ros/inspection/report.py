@@ -1,4 +1,4 @@
-"""What is told of a bag."""
+"""Results of an inspection."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class TopicFacts:
         type: For example `sensor_msgs/msg/Image`.
         messages: How many there are.
         hz: Messages a second, by their stamps where they have some; None of fewer than two messages.
-        role: What it would be taken for; empty for nothing.
+        role: Its use by the node; empty for none.
         jitter_ms: Of 95 % of the intervals, how far they are from the median one at most.
         largest_gap_s: The longest time between two messages, seconds.
         backwards: How often a stamp is earlier than the one before.
@@ -111,7 +111,7 @@ class CloudFacts:
 
 @dataclass(frozen=True)
 class ExtrinsicFacts:
-    """Where a radar is.
+    """The pose of a radar.
 
     Attributes:
         topic: The radar's.
@@ -152,11 +152,11 @@ class OffsetFacts:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to know before the node is started.
+    """A finding about a bag.
 
     Attributes:
         severity: "error" where there will be no depth, "warning" where it will be worse, "note".
-        text: What it is, and what to do about it.
+        text: The finding, and what to do about it.
     """
 
     severity: str
@@ -165,7 +165,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """All that is told of a bag.
+    """The result of an inspection.
 
     Attributes:
         bag: Its path.
@@ -178,7 +178,7 @@ class Report:
         extrinsics: Where the radars are.
         offsets: The radars' stamps beside the images'.
         missing: What it lacks for a replay, in a sentence; empty when nothing.
-        findings: What is missing or odd, the worst first.
+        findings: Missing or unusual inputs, the worst first.
         suggestion: The node's parameters that fit it; None where it lacks a camera.
     """
 

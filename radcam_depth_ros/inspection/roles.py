@@ -1,4 +1,4 @@
-"""Which topics of a bag would be taken for what, also where some are missing."""
+"""Roles of a bag's topics, also where some are missing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FoundT = TypeVar("FoundT")
 
 @dataclass(frozen=True)
 class Roles:
-    """Topics by what they would be taken for; None or empty where there is none.
+    """Topics by their role; None or empty where there is none.
 
     Attributes:
         image: The camera's.

@@ -1,4 +1,4 @@
-"""The node's parameters that fit a bag."""
+"""Suggested parameters of the node for a bag."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Setting:
 
     Attributes:
         name: Its name in ROS.
-        value: What it should be.
+        value: Its value.
         reason: Why.
         is_needed: Whether the node needs it for this bag; else it stands in the file as a comment.
     """
@@ -32,7 +32,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """How to start the node.
+    """Parameters for the node.
 
     Attributes:
         settings: Its parameters.

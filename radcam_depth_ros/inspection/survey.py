@@ -1,4 +1,4 @@
-"""Reads a bag once and tells what it holds."""
+"""Reads a bag once and reports its contents for the node."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from radcam_depth_ros.messages import decode_transforms
 from radcam_depth_ros.pairing import PairingConfig
 
 _MOVING_TRANSFORMS = 200
-"""So many messages of /tf say which frames there are."""
+"""Messages of /tf that are read for its frames."""
 _PROGRESS_EVERY = 50
 
 
 def survey(path: Path | str, progress: Callable[[int, int], None] | None = None) -> Report:
-    """Reads all of a bag and tells what it holds for the node, also where it lacks a sensor.
+    """Reads a whole bag and reports its contents for the node, also where a sensor is missing.
 
     Args:
         path: A rosbag2 folder, .mcap or .db3 file.

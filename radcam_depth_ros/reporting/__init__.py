@@ -1,1 +1,1 @@
-"""Pages, tables, plots and pictures of results; numbers come from the rooms above."""
+"""Pages, tables, plots and pictures of results."""

@@ -1,4 +1,4 @@
-"""The error of this room."""
+"""Error class of reports."""
 
 from radcam_depth_ros.frame import RadcamDepthError
 

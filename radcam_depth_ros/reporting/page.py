@@ -7,15 +7,12 @@ import html
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from radcam_depth_ros.files import write_text
-from radcam_depth_ros.frame import ImageArray
 from radcam_depth_ros.messages import colorise
-from radcam_depth_ros.reporting.errors import ReportError
 from radcam_depth_ros.reporting.panel import Panel, Tile, draw_panel
-from radcam_depth_ros.reporting.pictures import DEPTH_TICKS_M, ERROR_M, FAR_M, NEAR_M, colour_error, scale_share
+from radcam_depth_ros.reporting.pictures import DEPTH_TICKS_M, ERROR_M, FAR_M, NEAR_M, colour_error, encode, scale_share
 from radcam_depth_ros.reporting.plot import Plot, draw_plot
 from radcam_depth_ros.reporting.table import Fact, Table
 
@@ -64,7 +61,7 @@ def write_report(
     Args:
         path: The HTML file.
         title: Its heading.
-        facts: What the result was made with.
+        facts: Names and values at the top.
         tables: Tables, in order.
         panels: Frames to show, in order.
         plots: Curves to show, in order.
@@ -98,13 +95,8 @@ def write_report(
     )
 
 
-def encode_picture(image: ImageArray, extension: str = ".png") -> str:
-    """An RGB image (H, W, 3) uint8 as a data URI, ".png" or ".jpg"."""
-    done, data = cv2.imencode(extension, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    if not done:
-        raise ReportError(f"an image of {image.shape} cannot be written as {extension}")
-    kind = "jpeg" if extension == ".jpg" else extension.removeprefix(".")
-    return f"data:image/{kind};base64,{base64.b64encode(data.tobytes()).decode('ascii')}"
+def _data_uri(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _facts(facts: Sequence[Fact]) -> str:
@@ -128,10 +120,8 @@ def _plots(plots: Sequence[Plot]) -> str:
 
 
 def _drawing(plot: Plot) -> str:
-    name = html.escape(plot.title)
-    source = f"data:image/svg+xml;base64,{base64.b64encode(draw_plot(plot)).decode('ascii')}"
     note = f"<p>{html.escape(plot.note)}</p>" if plot.note else ""
-    return f'<figure><figcaption>{name}</figcaption><img alt="{name}" src="{source}">{note}</figure>'
+    return _captioned(plot.title, _data_uri("svg+xml", draw_plot(plot)), note)
 
 
 def _panel(panel: Panel) -> str:
@@ -141,13 +131,14 @@ def _panel(panel: Panel) -> str:
 
 def _figure(tile: Tile, is_photo: bool) -> str:
     # Photographs are ten times as large as PNG; flat colours are not, and must stay what the scale says.
-    source = encode_picture(tile.image, ".jpg" if is_photo else ".png")
-    name = html.escape(tile.title)
+    source = _data_uri(*(("jpeg", encode(tile.image, ".jpg")) if is_photo else ("png", encode(tile.image))))
     ticks = _depth_ticks() if tile.scale == "depth" else _error_ticks()
-    return (
-        f'<figure><figcaption>{name}</figcaption><img alt="{name}" src="{source}">'
-        f'<span class="scale {tile.scale}"></span><div class="ticks">{ticks}</div></figure>'
-    )
+    return _captioned(tile.title, source, f'<span class="scale {tile.scale}"></span><div class="ticks">{ticks}</div>')
+
+
+def _captioned(title: str, source: str, below: str) -> str:
+    name = html.escape(title)
+    return f'<figure><figcaption>{name}</figcaption><img alt="{name}" src="{source}">{below}</figure>'
 
 
 def _depth_ticks() -> str:
@@ -172,6 +163,6 @@ def _scale_style() -> str:
     depth = colorise((NEAR_M * (FAR_M / NEAR_M) ** ramp).astype(np.float32), NEAR_M, FAR_M)
     error = colour_error((ramp * 2 - 1) * np.float32(ERROR_M))
     return "".join(
-        f".scale.{name} {{ background-image: url({encode_picture(image)}); }}\n"
+        f".scale.{name} {{ background-image: url({_data_uri('png', encode(image))}); }}\n"
         for name, image in (("depth", depth), ("error", error))
     )

@@ -15,7 +15,7 @@ from radcam_depth_ros.resampling import rectify
 
 @dataclass(frozen=True)
 class Panel:
-    """What a report shows of one frame; what is None is left out.
+    """Images and depth of one frame; None is not shown.
 
     Attributes:
         title: Above it.
@@ -67,7 +67,7 @@ class Tile:
     """One picture of a panel.
 
     Attributes:
-        title: What it shows.
+        title: Above it.
         scale: Its colour scale: "depth" or "error".
         image: (h, w, 3) uint8 RGB.
     """
@@ -78,7 +78,7 @@ class Tile:
 
 
 def draw_panel(panel: Panel) -> tuple[Tile, ...]:
-    """Draws all that a panel has, in reading order."""
+    """Draws the pictures of a panel, in reading order."""
     tiles = [Tile("camera and radar", "depth", draw_radar(panel.image, panel.radar_uv, panel.radar_depth_m))]
     depths = (
         ("semi-dense depth", panel.semi_dense),

@@ -10,6 +10,7 @@ import numpy as np
 
 from radcam_depth_ros.frame import FloatArray, ImageArray
 from radcam_depth_ros.messages import colorise
+from radcam_depth_ros.reporting.errors import ReportError
 from radcam_depth_ros.resampling import spread_nearest
 
 NEAR_M, FAR_M = 2.0, 80.0
@@ -72,6 +73,14 @@ def colour_error(error_m: FloatArray) -> ImageArray:
     colour[np.isnan(share)] = _UNKNOWN_GREY
     painted: ImageArray = colour.astype(np.uint8)
     return painted
+
+
+def encode(image: ImageArray, extension: str = ".png") -> bytes:
+    """The file of an RGB image (H, W, 3) uint8, ".png" or ".jpg"."""
+    done, data = cv2.imencode(extension, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    if not done:
+        raise ReportError(f"an image of {image.shape[1]} x {image.shape[0]} pixels cannot be written as {extension}")
+    return data.tobytes()
 
 
 def scale_share(depth_m: float) -> float:

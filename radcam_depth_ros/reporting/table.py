@@ -10,7 +10,7 @@ from radcam_depth_ros.reporting.errors import ReportError
 
 @dataclass(frozen=True)
 class Fact:
-    """One line of what a result was made with."""
+    """A name and a value above a report's tables."""
 
     name: str
     value: str
@@ -24,7 +24,7 @@ class Table:
         title: Above it.
         columns: Headings; the first column names the row.
         rows: Cells, as many a row as there are columns.
-        note: Below it; what its terms mean.
+        note: Below it; explains its terms.
     """
 
     title: str

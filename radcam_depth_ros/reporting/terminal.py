@@ -35,7 +35,7 @@ def print_table(
         title: Above the table.
         columns: Headings; the first column names the row.
         rows: Cells, as many a row as there are columns. No cell is read as rich's markup.
-        note: Below the table, what its terms mean.
+        note: Below the table; explains its terms.
         justify: Of all columns but the first: `right` for numbers, `left` for words.
     """
     console.print(Text(title, style="table.title"))

@@ -38,9 +38,9 @@ def placed(recording: Recording, pose: Pose) -> tuple[Recording, tuple[Placement
     )
 
 
-def report_of(recording: Recording, pose: Pose, *, with_lidar: bool = True) -> SensorReport:
+def report_of(recording: Recording, pose: Pose) -> SensorReport:
     changed, placements = placed(recording, pose)
-    return check_radar(changed, 0, Evidence(changed, 0, with_lidar=with_lidar), placements)
+    return check_radar(changed, 0, Evidence(changed, 0), placements)
 
 
 def without_lidar(recording: Recording) -> Recording:
