@@ -14,7 +14,7 @@ from radcam_depth_ros.simulation.objects.mesh import Mesh, ball, box, cross, joi
 
 
 class PlantKind(IntEnum):
-    """What grows along a street."""
+    """Kinds of plant along a street."""
 
     BROADLEAF = 0
     BARE = 1

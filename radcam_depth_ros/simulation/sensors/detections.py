@@ -1,4 +1,4 @@
-"""Which echoes a radar reports: resolution cells above the threshold, and what is not there."""
+"""Detections of a radar: resolution cells above the threshold, and false ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DECIBELS = 10 / np.log(10)
 
 @dataclass(frozen=True)
 class Cells:
-    """What a radar can tell apart.
+    """Resolution cells of a radar.
 
     Attributes:
         range_m: Metres.

@@ -1,4 +1,4 @@
-"""What a radar's waves come back from: fans of rays, weighed by cross section, by direct way and by mirrors."""
+"""Traces a radar's echoes: fans of rays, weighed by cross section, on the direct way and by mirrors."""
 
 from __future__ import annotations
 
@@ -46,16 +46,15 @@ class Echoes:
 
     def some(self, chosen: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Echoes:
         """The echoes that an index or a mask names."""
-        return Echoes(**{field.name: getattr(self, field.name)[chosen] for field in fields(Echoes)})
+        return Echoes(*(column[chosen] for column in self._columns()))
 
     def joined(self, *others: Echoes) -> Echoes:
         """These and others, in order."""
-        return Echoes(
-            **{
-                field.name: np.concatenate([getattr(part, field.name) for part in (self, *others)])
-                for field in fields(Echoes)
-            }
-        )
+        parts = (self._columns(), *(other._columns() for other in others))
+        return Echoes(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+    def _columns(self) -> tuple[FloatArray, ...]:
+        return tuple(getattr(self, field.name) for field in fields(Echoes))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The radar of a seed: what its configuration leaves open, drawn once."""
+"""Draws the radar of a seed from the ranges of its configuration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The own vehicle: how it drives along its lane, and its pose and velocity at any time."""
+"""Drives the own vehicle along its lane, and gives its pose and velocity at any time."""
 
 from __future__ import annotations
 
@@ -59,18 +59,13 @@ class EgoDrive:
 
     def world_from_base(self, time: float) -> RigidTransform:
         """Pose of the footprint frame at a time, seconds."""
-        waves = self._wander * np.sin(2 * np.pi * time / self._waves + self._phases)
+        phase = 2 * np.pi * time / self._waves + self._phases
+        waves = self._wander * np.sin(phase)
         lateral, speed_share = waves[0] + waves[1], min(1.0, self._speed / 5.0)
         s = float(self.s(time))
         t = self._offset + lateral * speed_share
         x, y = self._path.position(s, t)
-        slopes = (
-            self._wander[:2]
-            * 2
-            * np.pi
-            / self._waves[:2]
-            * np.cos(2 * np.pi * time / self._waves[:2] + self._phases[:2])
-        )
+        slopes = self._wander[:2] * 2 * np.pi / self._waves[:2] * np.cos(phase[:2])
         yaw = float(self._path.heading(s)) + float(slopes.sum()) * speed_share / max(self._speed, 5.0) + self._askew
         uphill = self._relief.slope(float(x), float(y))
         ahead, left = uphill @ [np.cos(yaw), np.sin(yaw)], uphill @ [-np.sin(yaw), np.cos(yaw)]

@@ -1,4 +1,4 @@
-"""The road's centre line: from (distance along, distance to the left) to the world, its headings and its banks."""
+"""The road's centre line: world positions, headings and banks of places along and beside it."""
 
 from __future__ import annotations
 

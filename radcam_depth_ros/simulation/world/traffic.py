@@ -1,4 +1,4 @@
-"""Everything that moves besides the own vehicle: vehicles in lanes, people and bicycles along the road."""
+"""Moves all road users but the own vehicle: vehicles in lanes, people and bicycles along the road."""
 
 from __future__ import annotations
 
@@ -111,10 +111,7 @@ class Traffic:
         own, oncoming = lane == self._ego.lane, lane < 0
         # What does not move at all is in one place for the whole drive, as is what the own vehicle follows.
         speed = style.speed_mps * rng.uniform(0.75, 1.3) * (-1 if oncoming else 1)
-        if own:
-            low, high = -BEHIND_M, AHEAD_M
-        else:
-            low, high = self._needed(speed)
+        low, high = (-BEHIND_M, AHEAD_M) if own else self._needed(speed)
         # Somebody in front of somebody behind: nobody overlaps the own vehicle.
         place = low + rng.uniform(0, headway_m)
         while place < high:
@@ -156,9 +153,8 @@ class Traffic:
             while place < 140.0:
                 vehicle = self._library.draw_vehicle(rng, style.large)
                 place += vehicle.length_m + 3.0 + rng.gamma(1.2, (14.0 if style.waiting else 70.0) / traffic)
-                lane = (
-                    sign * style.crossing_half_m * float(rng.choice([0.3, 0.65]) if style.crossing_half_m > 6 else 0.5)
-                )
+                share = pick(rng, (0.3, 0.65)) if style.crossing_half_m > 6 else 0.5
+                lane = sign * style.crossing_half_m * share
                 across = _steady(sign * place, speed)
                 if self._is_clear(crossing_m + lane, across, vehicle.length_m / 2):
                     self._movers.append(
