@@ -132,7 +132,8 @@ def _with_mirrored(
     scene: Scene, hits: Hits, origin: FloatArray, outwards: FloatArray, unit: RadarUnit
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.int32], FloatArray, FloatArray, FloatArray]:
     """Of direct and mirrored echoes: ray, face, range, direction in which it is met, and share of the power."""
-    seen = np.flatnonzero((hits.face >= 0) & (hits.distance_m < unit.max_range_m) & (hits.distance_m > _NEAREST_M))
+    reach_m = unit.config.max_range_m
+    seen = np.flatnonzero((hits.face >= 0) & (hits.distance_m < reach_m) & (hits.distance_m > _NEAREST_M))
     face, range_m = hits.face[seen], hits.distance_m[seen]
     surface = scene.faces.surface[face]
     # The road is a mirror at these angles: that is how a radar sees below the vehicle in front. Rails and walls are
@@ -155,7 +156,7 @@ def _with_mirrored(
     beyond = scene.cast(np.ascontiguousarray(start, np.float32), np.ascontiguousarray(onwards, np.float32))
     total = range_m[mirror] + beyond.distance_m
     loss = np.repeat(np.array([unit.road_mirror, unit.mirror], np.float32), [len(on_road), len(upright)])
-    met = np.flatnonzero((beyond.face >= 0) & (total < unit.max_range_m))
+    met = np.flatnonzero((beyond.face >= 0) & (total < reach_m))
     return (
         np.concatenate([seen, ray[met]]),
         np.concatenate([face, beyond.face[met]]),

@@ -55,7 +55,7 @@ def sweep_radar(
     wider = 1 + 4 * (found.azimuth / _ASIDE) ** 4
     azimuth = found.azimuth + unit.azimuth_noise * wider * _steadiness(found, unit) * rng.standard_normal(count)
     range_m = np.maximum(found.range_m + unit.range_noise_m * rng.standard_normal(count), 0.2)
-    error = unit.speed_noise_mps * rng.standard_normal(count)
+    error = unit.config.speed_noise_mps * rng.standard_normal(count)
     speed, ground_speed = found.speed_mps + error, found.ground_speed_mps + error
     section = 10 * np.log10(np.maximum(found.section_m2, 1e-6)) + rng.normal(0, 1.0, count)
     cos, sin = np.cos(azimuth), np.sin(azimuth)
@@ -99,7 +99,7 @@ def sweep_imaging_radar(
     # Elevations come from few antennas: their errors have long tails, up to the edges of what the beam sees.
     error = unit.elevation_noise * steady * rng.standard_t(4, count)
     elevation = np.clip(found.elevation + error, np.deg2rad(-20.0), np.deg2rad(20.0))
-    speed = found.speed_mps + unit.speed_noise_mps * rng.standard_normal(count)
+    speed = found.speed_mps + unit.config.speed_noise_mps * rng.standard_normal(count)
     half = unit.speed_span_mps / 2
     intensity = 10 * np.log10(np.maximum(found.section_m2, 1e-6)) + rng.normal(0, 1.0, count)
     if unit.intensity_is_level:

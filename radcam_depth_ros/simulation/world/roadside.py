@@ -208,11 +208,11 @@ def _standing(stretch: Stretch, sign: int) -> None:
     for _ in range(count if side.walk_m > 0 else 0):
         s = rng.uniform(stretch.start_m, stretch.stop_m)
         t = sign * (edge + side.parking_m + rng.uniform(0.4, max(side.walk_m - 0.3, 0.5)) + side.verge_m)
-        pose = stretch.library.draw_walker(rng).poses[0]
+        pose = pick(rng, stretch.library.walkers)[0]
         yaw = rng.uniform(0, 6.28)
         stretch.place(pose, s, t, stretch.style.kerb_m, yaw)
         # Some talk to each other.
         for _ in range(pick(rng, (0, 1, 2, 3), (0.7, 0.18, 0.08, 0.04))):
-            other = stretch.library.draw_walker(rng).poses[0]
+            other = pick(rng, stretch.library.walkers)[0]
             aside = rng.uniform(-1.0, 1.0, 2)
             stretch.place(other, s + float(aside[0]), t + float(aside[1]) * 0.5, stretch.style.kerb_m, yaw + np.pi)

@@ -202,7 +202,7 @@ class Traffic:
                         out = first + rng.normal(0, 0.35)
                         self._movers.append(
                             Mover(
-                                self._library.draw_walker(rng).poses,
+                                pick(rng, self._library.walkers),
                                 DOUBLE_STEP_M,
                                 _steady(place, speed),
                                 _steady(sign * (edge + max(out, 0.3)), 0.0),
@@ -220,7 +220,7 @@ class Traffic:
         reach = float(self._ego.s(self._duration_s))
         rate = min(style.people_per_100m * people, 8.0) / 100 * 0.5
         for _ in range(rng.poisson(rate * (reach + 120))):
-            poses = self._library.draw_walker(rng).poses
+            poses = pick(rng, self._library.walkers)
             self._cross(rng, poses, DOUBLE_STEP_M, rng.uniform(0.8, 1.9), reach)
         wild = 0.25 if style.kind is StreetKind.RURAL else 0.06
         if style.kind is not StreetKind.HIGHWAY and rng.random() < wild * people:
