@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.sensor_configuration import LidarConfig, LidarUnit
-from radcam_depth_ros.simulation.world.path import DoubleArray
+from radcam_depth_ros.simulation.world.centre_line import DoubleArray
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ import numpy.typing as npt
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.simulation.settings.style import StreetStyle
-from radcam_depth_ros.simulation.world.path import DoubleArray, Path
+from radcam_depth_ros.simulation.world.centre_line import CentreLine, DoubleArray
 from radcam_depth_ros.simulation.world.relief import Relief
 
 _DERIVATIVE_S = 1e-3
 
 
 @dataclass(frozen=True)
-class Motion:
+class EgoMotion:
     """The state of the vehicle's footprint frame at one time.
 
     Attributes:
@@ -38,7 +38,7 @@ class Motion:
 class EgoDrive:
     """The own vehicle's drive: speed that swells and falls, a little wandering in the lane, a little pitch and roll."""
 
-    def __init__(self, rng: np.random.Generator, style: StreetStyle, path: Path, relief: Relief) -> None:
+    def __init__(self, rng: np.random.Generator, style: StreetStyle, path: CentreLine, relief: Relief) -> None:
         self._path, self._relief = path, relief
         self._speed, self._askew = style.speed_mps, style.askew_rad
         self._swell = rng.uniform(0.0, 0.7)
@@ -78,13 +78,13 @@ class EgoDrive:
         place = np.array([float(x), float(y), float(self._relief.height(float(x), float(y)) + self._path.camber(s, t))])
         return RigidTransform(_rotation(yaw, pitch, roll), place)
 
-    def motion(self, time: float) -> Motion:
+    def motion(self, time: float) -> EgoMotion:
         """Pose and velocities at a time, seconds."""
         before, now, after = (self.world_from_base(time + step) for step in (-_DERIVATIVE_S, 0.0, _DERIVATIVE_S))
         velocity = (after.translation - before.translation) / (2 * _DERIVATIVE_S)
         turn = (after.rotation @ before.rotation.T) / (2 * _DERIVATIVE_S)
         rate = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
-        return Motion(now, velocity, rate)
+        return EgoMotion(now, velocity, rate)
 
 
 def _rotation(yaw: float, pitch: float, roll: float) -> DoubleArray:

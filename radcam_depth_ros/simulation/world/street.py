@@ -13,7 +13,7 @@ from radcam_depth_ros.simulation.materials.surfaces import Material
 from radcam_depth_ros.simulation.objects.library import Library
 from radcam_depth_ros.simulation.objects.mesh import Mesh, sheet
 from radcam_depth_ros.simulation.settings.style import Land, Side, StreetStyle
-from radcam_depth_ros.simulation.world.path import Path
+from radcam_depth_ros.simulation.world.centre_line import CentreLine
 
 STRETCH_M = 50.0
 """Length of a stretch."""
@@ -45,7 +45,7 @@ class Stretch:
     """
 
     start_m: float
-    path: Path
+    path: CentreLine
     style: StreetStyle
     library: Library
     rng: np.random.Generator

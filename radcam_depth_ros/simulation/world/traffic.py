@@ -14,8 +14,8 @@ from radcam_depth_ros.simulation.objects.people import DOUBLE_STEP_M
 from radcam_depth_ros.simulation.settings.configuration import StreetKind, WorldConfig
 from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.style import StreetStyle
+from radcam_depth_ros.simulation.world.centre_line import CentreLine, DoubleArray
 from radcam_depth_ros.simulation.world.ego import EgoDrive
-from radcam_depth_ros.simulation.world.path import DoubleArray, Path
 from radcam_depth_ros.simulation.world.relief import Relief
 
 BEHIND_M = 70.0
@@ -59,7 +59,7 @@ class Traffic:
         rng: np.random.Generator,
         config: WorldConfig,
         style: StreetStyle,
-        path: Path,
+        path: CentreLine,
         relief: Relief,
         library: Library,
         ego: EgoDrive,

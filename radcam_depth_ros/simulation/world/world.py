@@ -14,11 +14,11 @@ from radcam_depth_ros.simulation.objects.scene import Scene
 from radcam_depth_ros.simulation.settings.configuration import StreetKind, WorldConfig
 from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 from radcam_depth_ros.simulation.settings.style import Land, draw_style
+from radcam_depth_ros.simulation.world.centre_line import CentreLine
 from radcam_depth_ros.simulation.world.ego import EgoDrive
 from radcam_depth_ros.simulation.world.ground import lay_ground
 from radcam_depth_ros.simulation.world.land import settle
 from radcam_depth_ros.simulation.world.markings import paint_markings
-from radcam_depth_ros.simulation.world.path import Path
 from radcam_depth_ros.simulation.world.relief import Relief
 from radcam_depth_ros.simulation.world.roadside import furnish
 from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch
@@ -48,7 +48,7 @@ class World:
         self._wear = rng.uniform(0.2, 0.85)
         self._first_junction = int(rng.integers(2))
         reach_m = self.style.speed_mps * duration_s * 2 + config.view_m + 500
-        self.path = Path(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m, config.max_slope)
+        self.path = CentreLine(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m, config.max_slope)
         disguise = generator(seed, Stream.DISGUISE)
         is_random = bool(disguise.random() < config.random_textures)
         self._disguise = Disguise(disguise) if is_random else None

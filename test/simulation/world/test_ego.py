@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from radcam_depth_ros.simulation import WorldConfig
 from radcam_depth_ros.simulation.settings.style import draw_style
+from radcam_depth_ros.simulation.world.centre_line import CentreLine
 from radcam_depth_ros.simulation.world.ego import EgoDrive
-from radcam_depth_ros.simulation.world.path import Path
 from radcam_depth_ros.simulation.world.relief import Relief
 
 SEEDS = st.integers(0, 2**31)
@@ -20,7 +20,7 @@ def test_the_own_velocity_is_the_change_of_its_pose(seed: int, time: float) -> N
     rng = np.random.default_rng(seed)
     style = draw_style(rng, WorldConfig())
     relief = Relief(rng, 0.08)
-    ego = EgoDrive(rng, style, Path(rng, -100, 3000, style.min_radius_m), relief)
+    ego = EgoDrive(rng, style, CentreLine(rng, -100, 3000, style.min_radius_m), relief)
     step = 0.05
     moved = ego.world_from_base(time + step).translation - ego.world_from_base(time - step).translation
     motion = ego.motion(time)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface
 from radcam_depth_ros.simulation.objects.mesh import box
-from radcam_depth_ros.simulation.world.path import Path
+from radcam_depth_ros.simulation.world.centre_line import CentreLine
 
 SEEDS = st.integers(0, 2**31)
 STEEL = Material(Surface.METAL, Label.POLE)
@@ -16,7 +16,7 @@ STEEL = Material(Surface.METAL, Label.POLE)
 @settings(max_examples=25, deadline=None)
 @given(seed=SEEDS, s=st.floats(-150, 900), t=st.floats(-10, 10))
 def test_the_road_is_measured_in_metres(seed: int, s: float, t: float) -> None:
-    path = Path(np.random.default_rng(seed), -100, 800, 140.0)
+    path = CentreLine(np.random.default_rng(seed), -100, 800, 140.0)
     here, there = path.position([s, s + 0.5], [0.0, 0.0])
     assert np.linalg.norm(there - here) == pytest.approx(0.5, abs=0.01)
     assert np.linalg.norm(path.position(s, t) - path.position(s, 0.0)) == pytest.approx(abs(t), abs=1e-6)
@@ -28,7 +28,7 @@ def test_the_road_is_measured_in_metres(seed: int, s: float, t: float) -> None:
 def test_banks_are_no_steeper_than_asked_and_end_beside_the_road(
     seed: int, s: float, t: float, steepest: float
 ) -> None:
-    path = Path(np.random.default_rng(seed), -100, 800, 140.0, steepest)
+    path = CentreLine(np.random.default_rng(seed), -100, 800, 140.0, steepest)
     low, high = path.camber(s, np.array([t - 0.01, t + 0.01]))
     assert abs(high - low) / 0.02 <= steepest + 1e-6
     assert float(path.camber(s, 0.0)) == 0.0

@@ -15,7 +15,7 @@ DoubleArray = npt.NDArray[np.float64]
 _BANKED_M, _LEVEL_M = 12.0, 60.0
 
 
-class Path:
+class CentreLine:
     """A gently winding line that starts at the world's origin along x.
 
     Positions are given as `s`, metres along the line, and `t`, metres to its left. The road is tilted sideways about
