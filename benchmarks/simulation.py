@@ -30,7 +30,7 @@ from radcam_depth_ros.simulation import SimulationConfig, recording, simulate
 _PARTS = {
     "world": "World.__init__",
     "image": "render",
-    "development": "Lens.develop",
+    "development": "CameraUnit.develop",
     "radar": "sweep_radar",
     "imaging_radar": "sweep_imaging_radar",
     "lidar": "sweep_lidar",

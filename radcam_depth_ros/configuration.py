@@ -1,4 +1,4 @@
-"""Frozen dataclasses from YAML: unknown keys and wrong values are refused with one sentence."""
+"""Builds frozen dataclasses from YAML; refuses unknown keys and wrong values with one sentence."""
 
 from __future__ import annotations
 

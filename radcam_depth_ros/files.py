@@ -1,4 +1,4 @@
-"""Writing a file so that nobody ever reads half of it."""
+"""Writes files whole or not at all, so that no reader sees half of one."""
 
 from __future__ import annotations
 

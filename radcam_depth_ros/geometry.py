@@ -239,14 +239,6 @@ def project(points_m: npt.NDArray[np.floating], camera: CameraModel) -> tuple[Fl
         return np.stack([u, v], axis=1).astype(np.float32), depth
 
 
-def unproject(depth_m: FloatArray, camera: CameraModel) -> FloatArray:
-    """The point of each pixel: depth (H, W) metres along z to (H, W, 3) float32 in camera axes, NaN where depth is."""
-    height, width = depth_m.shape
-    x = (np.arange(width, dtype=np.float32) - np.float32(camera.cx)) / np.float32(camera.fx)
-    y = (np.arange(height, dtype=np.float32) - np.float32(camera.cy)) / np.float32(camera.fy)
-    return np.stack([depth_m * x[None, :], depth_m * y[:, None], depth_m], axis=-1).astype(np.float32, copy=False)
-
-
 def depth_image(points_m: npt.NDArray[np.floating], camera: CameraModel) -> FloatArray:
     """Draws points (N, 3) in camera axes as a depth image (H, W) float32: NaN where there is none, the nearest wins."""
     uv, depth = project(points_m, camera)

@@ -1,4 +1,4 @@
-"""Images as published -> the network's size, rectified on the way; the network's maps -> the camera's size."""
+"""Resamples published images to the network's size, rectified, and the network's maps to the camera's size."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def resample_image(image: ImageArray, plan: CanonicalCamera, lens: Lens | None =
 
 
 def _scale_and_pad(image: ImageArray, plan: CanonicalCamera) -> ImageArray:
-    """What the remap gives for an ideal camera whose whole image is there, in half its time."""
+    """The result of the remap for a whole image of an ideal camera, in half the time."""
     scaled, network = plan.scaled, plan.network
     image = cv2.resize(image, (scaled.width, scaled.height), interpolation=cv2.INTER_LINEAR)
     rows, columns = network.height - scaled.height, network.width - scaled.width

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from unprojection import unproject
 
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FrameError, GroundPlane
 from radcam_depth_ros.geometry import (
@@ -17,7 +18,6 @@ from radcam_depth_ros.geometry import (
     ground_coefficients,
     ground_plane,
     project,
-    unproject,
 )
 
 finite = st.floats(-50, 50, allow_nan=False)

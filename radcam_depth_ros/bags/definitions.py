@@ -1,4 +1,4 @@
-"""Message types: what a bag says of them, and ROS 2 Jazzy's own for those of which it says nothing."""
+"""Message types: as a bag defines them, else as ROS 2 Jazzy does."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def jazzy_typestore() -> Any:
 
 
 class MessageType:
-    """How messages of one type are laid out.
+    """Layout of one message type.
 
     Attributes:
         name: For example `sensor_msgs/msg/Image`.

@@ -1,4 +1,4 @@
-"""What goes wrong with bags, as sentences a user can act on."""
+"""The error of bags, and suggestions of similar names for its messages."""
 
 from __future__ import annotations
 

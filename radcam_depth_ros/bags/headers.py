@@ -1,4 +1,4 @@
-"""The header at the beginning of a serialised message, without reading the rest of it."""
+"""Reads the header at the beginning of a serialised message, and nothing else of it."""
 
 from __future__ import annotations
 

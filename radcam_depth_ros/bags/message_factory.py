@@ -1,4 +1,4 @@
-"""Building ROS 2 messages without ROS, with the defaults that rosbags' own constructors lack."""
+"""Builds ROS 2 messages without ROS, with the defaults that rosbags' own constructors lack."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading ROS 2 bags: a rosbag2 folder (MCAP or SQLite) or a single .mcap or .db3 file."""
+"""Reads ROS 2 bags: a rosbag2 folder (MCAP or SQLite) or a single .mcap or .db3 file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a drive's recorder says of the drive: weather, time of day, season, street."""
+"""Reads what the recorder notes about a drive: weather, time of day, season, street."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ SCENARIO_TOPIC = "/scenario"
 _TYPE = "std_msgs/msg/String"
 
 
-def read_scenario(bag: BagReader, topic: str = SCENARIO_TOPIC) -> Mapping[str, str]:
+def read_scenario(bag: BagReader) -> Mapping[str, str]:
     """The scenario's entries that are words, by name; none for a bag without the topic.
 
     Raises:
         BagError: when the topic's first message is no JSON object.
     """
-    if not any(info.name == topic and info.type_name == _TYPE and info.count for info in bag.topics):
+    if not any(info.name == SCENARIO_TOPIC and info.type_name == _TYPE and info.count for info in bag.topics):
         return {}
-    text = str(next(bag.messages([topic])).message.data)
+    text = str(next(bag.messages([SCENARIO_TOPIC])).message.data)
     try:
         values = json.loads(text)
     except ValueError:
         values = None
     if not isinstance(values, dict):
-        raise BagError(f'{topic} of {bag.path} must be a JSON object like {{"weather": "rain"}}, got {text[:60]!r}')
+        raise BagError(
+            f'{SCENARIO_TOPIC} of {bag.path} must be a JSON object like {{"weather": "rain"}}, got {text[:60]!r}'
+        )
     return {str(name): value for name, value in values.items() if isinstance(value, str) and value}

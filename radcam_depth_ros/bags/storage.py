@@ -1,7 +1,7 @@
-"""MCAP files whose large messages are written without copies.
+"""Writes MCAP files without copies of large messages.
 
 rosbags copies a message four times on its way to the file: into a record, a chunk, the chunk's record and the buffer of
-the file. For depth images that is more work than all that leads to them, the network left out.
+the file. For depth images this costs more than all steps before it except the network.
 """
 
 from __future__ import annotations

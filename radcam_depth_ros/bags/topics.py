@@ -1,4 +1,4 @@
-"""Which topics of a bag are the camera, its radars and the rest, found by type and name."""
+"""Finds the topics of the camera, its radars and other sensors by type and name."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ _CLASS_HINTS = ("class", "semantic", "segmentation")
 
 @dataclass(frozen=True)
 class SensorTopics:
-    """The topics that matter of a bag; None where it has none.
+    """The sensors' topics in a bag; None where it has none.
 
     Attributes:
         image: The camera's Image or CompressedImage.

@@ -1,4 +1,4 @@
-"""Writing ROS 2 bags: MCAP, complete or not there at all."""
+"""Writes ROS 2 bags as MCAP, whole or not at all."""
 
 from __future__ import annotations
 

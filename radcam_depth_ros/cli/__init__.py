@@ -1,4 +1,4 @@
-"""`radcam-depth`: one file a verb."""
+"""The command `radcam-depth`; each verb has a module."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from radcam_depth_ros.cli.train import train
 from radcam_depth_ros.cli.view import view
 
 BAD_INPUT = 2
-"""Exit code for what a user can mend; the sentence on stderr says how."""
+"""Exit code for errors that a user can fix; the message on stderr says how."""
 
 app = typer.Typer(
     name="radcam-depth",
@@ -37,7 +37,7 @@ for verb in (simulate, replay, evaluate, train, export, networks, inspect, check
 
 
 def _spelled_out(arguments: Sequence[str]) -> Iterator[str]:
-    """The arguments, with the stdout that `--json` means where no file follows it."""
+    """The arguments, with `-` for stdout after a `--json` that no file follows."""
     for argument, following in zip_longest(arguments, arguments[1:], fillvalue="--"):
         yield argument
         if argument == "--json" and following != "-" and following.startswith("-"):
@@ -45,7 +45,7 @@ def _spelled_out(arguments: Sequence[str]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Runs the command; a mistake of the user's ends with one sentence and exit code 2."""
+    """Runs the command; a user's mistake ends with one sentence and exit code 2."""
     openmp.prepare()
     try:
         app(list(_spelled_out(sys.argv[1:])))

@@ -34,9 +34,13 @@ def bench(
         ),
     ] = None,
     points: Annotated[str, typer.Option(help="Number of radar points; several with commas between.")] = "60",
-    repeats: Annotated[int, typer.Option(min=1, help="Rounds at most; what is slow gets fewer, two at least.")] = 30,
+    repeats: Annotated[
+        int, typer.Option(min=1, help="Maximum number of rounds; slow parts get fewer, at least two.")
+    ] = 30,
     precision: PrecisionOption = None,
-    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 as the node: fewer beside other work.")] = 0,
+    threads: Annotated[
+        int, typer.Option(min=0, help="CPU threads; 0 chooses as the node does: fewer beside other work.")
+    ] = 0,
     against: Annotated[
         str | None,
         typer.Option(

@@ -34,7 +34,7 @@ _STYLES = {"OK": "green", "SUSPECT": "bold red", "UNKNOWN": "yellow"}
 def check_calibration(
     bag: Bag,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures: radar and LiDAR over the images.")] = None,
-    frames: Annotated[int, typer.Option(min=1, help="So many images are looked at, evenly spread.")] = 12,
+    frames: Annotated[int, typer.Option(min=1, help="Number of images to check, evenly spread.")] = 12,
     json_target: JsonOption = None,
     params: ParamsOption = None,
     image: ImageOption = None,
@@ -50,9 +50,9 @@ def check_calibration(
     ] = None,
     camera_height: CameraHeightOption = None,
 ) -> None:
-    """Tells whether radars and LiDAR are where and when a bag says: a wrong sign, a turn of 90 degrees, late stamps.
+    """Checks the mounting and time stamps of radars and LiDAR: wrong signs, turns of 90 degrees, late stamps.
 
-    Each radar's place is compared with flips, turns and the inverse. The exit code is 1 where something is SUSPECT.
+    Each radar's mounting is compared with flips, turns and the inverse. The exit code is 1 where something is SUSPECT.
 
     Example: radcam-depth simulate out/placed --seed 7 --frames 20 &&
     radcam-depth check-calibration out/placed --out out/overlays

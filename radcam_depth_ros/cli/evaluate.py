@@ -59,7 +59,9 @@ def evaluate(
     limit: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames of each bag.")] = None,
     clip: Annotated[
         float | None,
-        typer.Option(min=1.0, help="Clip predictions to this many metres in every range; else to the range itself."),
+        typer.Option(
+            min=1.0, help="Clip predictions to this many metres in every range; by default to the range itself."
+        ),
     ] = None,
     image: ImageOption = None,
     radar: RadarOption = None,
@@ -69,7 +71,7 @@ def evaluate(
     precision: PrecisionOption = None,
     threads: ThreadsOption = None,
 ) -> None:
-    """Measures a network's depth against ground truth, beside what simpler means give.
+    """Measures a network's depth against ground truth, beside simpler baselines.
 
     Ground truth is the exact depth of a simulated drive, or a LiDAR's points. Averages are over all frames of all bags.
 

@@ -20,7 +20,7 @@ def inspect(
     ] = None,
     params: Annotated[Path | None, typer.Option(hidden=True, help="The former name of --write-params.")] = None,
 ) -> None:
-    """Tells what a bag holds for the node: topics, rates, contents, frames, clocks, and what is missing.
+    """Lists what a bag holds for the node: topics, rates, contents, frames, clocks, and what is missing.
 
     Example: radcam-depth simulate out/seen --seed 7 --frames 20 &&
     radcam-depth inspect out/seen --write-params out/seen.yaml

@@ -28,9 +28,9 @@ def play(
         float, typer.Option(help="Seconds before the first message, in which subscribers find the publishers.")
     ] = 1.0,
 ) -> None:
-    """Publishes a bag's messages as they were recorded; what is latched before --start is published too.
+    """Publishes a bag's messages as they were recorded; latched messages before --start are published too.
 
-    Each topic has the quality of service that it was recorded with. Ctrl-C ends it at once.
+    Each topic has the quality of service that it was recorded with. Ctrl-C stops it at once.
 
     Example: radcam-depth simulate out/played --seed 7 --frames 20 && radcam-depth play out/played --clock --rate 2
     """

@@ -12,7 +12,7 @@ from radcam_depth_ros.cli.terminal.options import progress_bar
 
 def simulate(
     out: Annotated[Path, typer.Argument(help="Bag to write: a folder, or a file that ends in .mcap.")],
-    seed: Annotated[int, typer.Option(help="Decides the street, the drive and all noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the street, the drive and all noise.")] = 0,
     frames: Annotated[int, typer.Option(help="Number of images.")] = 100,
     config: Annotated[
         Path | None, typer.Option(help="Settings; the defaults are those of config/simulation.yaml.")

@@ -50,7 +50,7 @@ def view(
     depth: Annotated[
         Path | None,
         typer.Option(
-            help="Bag with the depth of this drive, of replay or recorded, to show instead; of topics: the node's "
+            help="Bag with the depth of this drive, from replay or recorded, to show instead; for topics: the node's "
             "namespace."
         ),
     ] = None,
@@ -59,16 +59,18 @@ def view(
     threads: ThreadsOption = None,
     image: ImageOption = None,
     radar: RadarOption = None,
-    every: Annotated[int, typer.Option(help="Show only every so many-th image.")] = 1,
-    frames: Annotated[int | None, typer.Option(help="At most so many; a strip has 5 by default.")] = None,
-    seconds: Annotated[float | None, typer.Option(help="Of topics: end after so many; Ctrl-C ends it too.")] = None,
+    every: Annotated[int, typer.Option(help="Show only every n-th image.")] = 1,
+    frames: Annotated[int | None, typer.Option(help="Maximum number of pictures; a strip has 5 by default.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="For topics: stop after this many seconds; Ctrl-C stops it too.")
+    ] = None,
     width: Annotated[int, typer.Option(help="Width of the pictures in pixels.")] = 1920,
 ) -> None:
     """Shows a drive: the camera beside its dense and semi-dense depth, radar returns drawn in.
 
-    Of live topics each image is shown with the depth that a node publishes of it; it ends after 10 s of nothing, too.
+    For live topics, each image is shown with the depth that a node publishes for it, until 10 s pass without one.
 
-    With a node that runs: radcam-depth view topics --save out/live.mp4 --seconds 10
+    With a running node: radcam-depth view topics --save out/live.mp4 --seconds 10
 
     Example: radcam-depth simulate out/shown --seed 7 --frames 20 && radcam-depth view out/shown --save out/shown.mp4
     """

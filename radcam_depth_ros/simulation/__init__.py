@@ -1,4 +1,4 @@
-"""Simulated drives: a street, a vehicle with camera, radars and LiDAR, and the bag of what they measure."""
+"""Simulated drives: a street, a vehicle with camera, radars and LiDAR, and the bag of their measurements."""
 
 from radcam_depth_ros.simulation.materials.surfaces import Label
 from radcam_depth_ros.simulation.recording import simulate

@@ -27,8 +27,8 @@ from radcam_depth_ros.simulation.settings.configuration import SimulationConfig
 from radcam_depth_ros.simulation.settings.errors import SimulationError
 from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 from radcam_depth_ros.simulation.timetable import LEAD_S, Event, Sensor, draw_timetable
-from radcam_depth_ros.simulation.world.ego import Motion
-from radcam_depth_ros.simulation.world.path import DoubleArray
+from radcam_depth_ros.simulation.world.centre_line import DoubleArray
+from radcam_depth_ros.simulation.world.ego import EgoMotion
 from radcam_depth_ros.simulation.world.world import World
 
 Progress = Callable[[int, int], None]
@@ -63,10 +63,10 @@ def simulate(
     if frames < 1:
         raise SimulationError(f"a drive needs at least 1 frame, got {frames}")
     with BagWriter(out, latched=("/tf_static", "/scenario"), overwrite=overwrite) as writer:
-        Drive(config, seed, frames).record(writer, progress)
+        SimulatedDrive(config, seed, frames).record(writer, progress)
 
 
-class Drive:
+class SimulatedDrive:
     """A world with the sensors that are driven through it."""
 
     def __init__(self, config: SimulationConfig, seed: int, frames: int) -> None:
@@ -105,7 +105,7 @@ class Drive:
         """The stamp of a time in the drive."""
         return round(self.config.start_s * 1_000_000_000) + round((time_s - LEAD_S) * 1_000_000_000)
 
-    def _at(self, event: Event, frame: str) -> tuple[Scene, Motion, RigidTransform]:
+    def _at(self, event: Event, frame: str) -> tuple[Scene, EgoMotion, RigidTransform]:
         scene, motion = self.world.scene_at(event.time_s), self.world.ego.motion(event.time_s)
         return scene, motion, motion.world_from_base @ self.rig.footprint_from(frame)
 

@@ -1,4 +1,4 @@
-"""When each sensor measures."""
+"""Draws the times at which each sensor measures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEAD_S = 1.0
 
 
 class Sensor(str, Enum):
-    """What measures."""
+    """Sensors of the vehicle."""
 
     ODOMETRY = "odometry"
     RADAR = "radar"

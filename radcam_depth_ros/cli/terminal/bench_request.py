@@ -1,4 +1,4 @@
-"""What `radcam-depth bench` is asked for, from its options' text."""
+"""Parses the options of `radcam-depth bench`."""
 
 from __future__ import annotations
 

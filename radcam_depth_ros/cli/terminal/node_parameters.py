@@ -1,4 +1,4 @@
-"""The node's parameters for the verbs that read bags: of a parameter file, and of options that win over it."""
+"""The node's parameters for verbs that read bags: from a parameter file, and from options, which win over it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _QOS = "qos_overrides."
 
 @dataclass(frozen=True)
 class NodeParameters:
-    """What a parameter file and options say.
+    """The parameters that a file and options set.
 
     Attributes:
         config: The node's config.

@@ -1,4 +1,4 @@
-"""Lamps that light what is around them: street lamps, head lamps, lamps in tunnels."""
+"""Point lights: street lamps, head lamps, lamps in tunnels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The light of a seed: sun, sky, air and what shines by itself."""
+"""Draws the light of a seed: sun, sky, air and lamps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,6 @@ class Light:
     Attributes:
         weather: Sky and air, never ANY.
         time_of_day: Day, dusk or night, never ANY.
-        random: Whether the colours are such that no weather has them.
         sun_direction: Unit vector towards the sun, world axes.
         sun: (R, G, B) of direct light on a surface that faces the sun; 0 where it is hidden or has set.
         sun_size: Half the angle over which the sun's light comes, radians: how soft shadows are.
@@ -39,6 +38,7 @@ class Light:
         haze_m: Distance at which the air hides two thirds of what is behind.
         patches: How much large patches of light and shade on the ground differ, 0 for none.
         depth: How dark corners and undersides are, 0 (no difference) to 1.
+        signals: Radiance of traffic lights and of all other lamps.
         rain: How much rain falls, 0 to 1.
         wetness: How wet the road is at least, 0 to 1.
         head_lamps: Radiance of vehicles' head lamps.
@@ -47,12 +47,11 @@ class Light:
         beam_candela: Strength of the head lamps' beams, the own ones' included; 0 where they make no difference.
         street_lamps: (R, G, B) of the strength of street lamps, candela; 0 by day.
         lit_windows: Share of the windows with light behind.
-        signals: Radiance of traffic lights and of all other lamps.
+        random: Whether the colours are such that no weather has them.
     """
 
     weather: Weather
     time_of_day: TimeOfDay
-    random: bool
     sun_direction: tuple[float, float, float]
     sun: Colour
     sun_size: float
@@ -66,15 +65,16 @@ class Light:
     haze_m: float
     patches: float
     depth: float
-    rain: float
-    wetness: float
-    head_lamps: float
-    tail_lamps: float
-    braking: float
-    beam_candela: float
-    street_lamps: Colour
-    lit_windows: float
     signals: float
+    rain: float = 0.0
+    wetness: float = 0.0
+    head_lamps: float = 0.0
+    tail_lamps: float = 0.0
+    braking: float = 0.0
+    beam_candela: float = 0.0
+    street_lamps: Colour = (0.0, 0.0, 0.0)
+    lit_windows: float = 0.0
+    random: bool = False
 
 
 def draw_light(rng: np.random.Generator, config: WorldConfig) -> Light:
@@ -124,7 +124,6 @@ def _draw_sky(rng: np.random.Generator, weather: Weather, time: TimeOfDay) -> Li
     return Light(
         weather=weather,
         time_of_day=time,
-        random=False,
         sun_direction=_triple(direction),
         sun=_triple(sun),
         sun_size=0.005 if weather is Weather.SUNNY else rng.uniform(0.01, 0.06),
@@ -138,14 +137,6 @@ def _draw_sky(rng: np.random.Generator, weather: Weather, time: TimeOfDay) -> Li
         haze_m=log_uniform(rng, 500, 10000),
         patches=rng.uniform(0, 0.6) if rng.random() < 0.7 else 0.0,
         depth=rng.uniform(0.8, 1.0),
-        rain=0.0,
-        wetness=0.0,
-        head_lamps=0.0,
-        tail_lamps=0.0,
-        braking=0.0,
-        beam_candela=0.0,
-        street_lamps=(0.0, 0.0, 0.0),
-        lit_windows=0.0,
         signals=rng.uniform(0.5, 2.5),
     )
 

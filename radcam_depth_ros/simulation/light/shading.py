@@ -1,4 +1,4 @@
-"""Light on what rays meet: sun with shadows, sky with occlusion, lamps, mirror reflections, haze."""
+"""Shades hits of rays: sun with shadows, sky with occlusion, lamps, mirror reflections, haze."""
 
 from __future__ import annotations
 
@@ -61,17 +61,9 @@ class Shader:
         self._atlas = atlas
         self.light = light
         """The light that it shades by."""
+        triples = (light.sun_direction, light.sun, light.sky, light.zenith, light.horizon, light.glow, light.haze)
         self._towards_sun, self._sun, self._sky, self._zenith, self._horizon, self._glow, self._haze = (
-            np.array(triple, np.float32)
-            for triple in (
-                light.sun_direction,
-                light.sun,
-                light.sky,
-                light.zenith,
-                light.horizon,
-                light.glow,
-                light.haze,
-            )
+            np.array(triple, np.float32) for triple in triples
         )
         wetness = max(wetness, light.wetness)
         table = surface_table()
@@ -97,17 +89,15 @@ class Shader:
         if light.cloud_cover < 1:
             # Clouds are as bright as what lights them.
             amount = np.clip((cloud - 1.5 + 3.0 * light.cloud_cover) * 1.2, 0, 1)[:, None]
-            white = self._sky * np.float32(0.2) + (self._sky.max() + self._sun.max() * np.float32(0.15)) * np.float32(
-                0.7
-            )
+            lighting = self._sky.max() + self._sun.max() * np.float32(0.15)
+            white = self._sky * np.float32(0.2) + lighting * np.float32(0.7)
             colour = colour * (1 - amount) + white * amount * (1 + 0.25 * light.cloud_contrast * cloud[:, None])
         else:
             colour = colour * np.clip(1 + light.cloud_contrast * 0.5 * cloud, 0.3, 2)[:, None]
         glow = np.maximum(direction @ self._towards_sun, 0)
         if self._sun.max() > 0:
-            colour = (
-                colour + self._sun * (0.06 * _power(glow, 3) + 0.5 * _power(glow, 6) + 20.0 * (glow > 0.9995))[:, None]
-            )
+            halo = 0.06 * _power(glow, 3) + 0.5 * _power(glow, 6) + 20.0 * (glow > 0.9995)
+            colour = colour + self._sun * halo[:, None]
         # A ray that leaves the mist at its top has gone the longer through it the flatter it is.
         air = np.exp(np.float32(-_MIST_M / light.haze_m) / (up + np.float32(0.02)))[:, None]
         return np.asarray(colour * air + self._haze * (1 - air), np.float32)

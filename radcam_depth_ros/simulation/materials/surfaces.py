@@ -104,37 +104,35 @@ class SurfaceTable:
 
     Attributes:
         gloss: (S,) float32, share of the mirror reflection, 0 to 1, before Fresnel.
-        emission: (S,) float32, own light relative to a white surface in full light.
         radar_db: (S,) float32, radar reflectivity at normal incidence, dB of cross section per square metre.
         radar_diffuse_db: (S,) float32, the same at grazing incidence: roughness and corners send something back.
         lidar: (S,) float32, reflectivity at 905 nm of the uncoloured material, 0 to 1.
     """
 
     gloss: FloatArray
-    emission: FloatArray
     radar_db: FloatArray
     radar_diffuse_db: FloatArray
     lidar: FloatArray
 
 
-# gloss, emission, radar at normal incidence, radar at grazing incidence, lidar
-_ROWS: dict[Surface, tuple[float, float, float, float, float]] = {
-    Surface.ASPHALT: (0.0, 0.0, -8.0, -38.0, 0.12),
-    Surface.PAINT_MARK: (0.05, 0.0, -8.0, -38.0, 0.6),
-    Surface.PAVING: (0.0, 0.0, -6.0, -32.0, 0.25),
-    Surface.GROUND: (0.0, 0.0, -12.0, -27.0, 0.35),
-    Surface.MASONRY: (0.9, 0.0, 4.0, -16.0, 0.45),
-    Surface.ROOF: (0.05, 0.0, 0.0, -18.0, 0.3),
-    Surface.FOLIAGE: (0.03, 0.0, -13.0, -17.0, 0.45),
-    Surface.WOOD: (0.02, 0.0, -4.0, -12.0, 0.3),
-    Surface.METAL: (0.25, 0.0, 8.0, -4.0, 0.4),
-    Surface.SIGN_FACE: (0.15, 0.0, 10.0, -8.0, 1.0),
-    Surface.BODYWORK: (0.7, 0.0, 12.0, -4.0, 0.4),
-    Surface.GLASS: (0.95, 0.0, -2.0, -14.0, 0.05),
-    Surface.RUBBER: (0.03, 0.0, -4.0, -10.0, 0.06),
-    Surface.LAMP: (0.5, 0.0, 4.0, -6.0, 0.9),
-    Surface.CLOTH: (0.0, 0.0, -6.0, -10.0, 0.4),
-    Surface.CANVAS: (0.12, 0.0, 6.0, -8.0, 0.5),
+# gloss, radar at normal incidence, radar at grazing incidence, lidar
+_ROWS: dict[Surface, tuple[float, float, float, float]] = {
+    Surface.ASPHALT: (0.0, -8.0, -38.0, 0.12),
+    Surface.PAINT_MARK: (0.05, -8.0, -38.0, 0.6),
+    Surface.PAVING: (0.0, -6.0, -32.0, 0.25),
+    Surface.GROUND: (0.0, -12.0, -27.0, 0.35),
+    Surface.MASONRY: (0.9, 4.0, -16.0, 0.45),
+    Surface.ROOF: (0.05, 0.0, -18.0, 0.3),
+    Surface.FOLIAGE: (0.03, -13.0, -17.0, 0.45),
+    Surface.WOOD: (0.02, -4.0, -12.0, 0.3),
+    Surface.METAL: (0.25, 8.0, -4.0, 0.4),
+    Surface.SIGN_FACE: (0.15, 10.0, -8.0, 1.0),
+    Surface.BODYWORK: (0.7, 12.0, -4.0, 0.4),
+    Surface.GLASS: (0.95, -2.0, -14.0, 0.05),
+    Surface.RUBBER: (0.03, -4.0, -10.0, 0.06),
+    Surface.LAMP: (0.5, 4.0, -6.0, 0.9),
+    Surface.CLOTH: (0.0, -6.0, -10.0, 0.4),
+    Surface.CANVAS: (0.12, 6.0, -8.0, 0.5),
 }
 
 

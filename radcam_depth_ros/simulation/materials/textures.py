@@ -1,4 +1,4 @@
-"""The texture atlas: procedural tiles in all sizes, and how they are looked up."""
+"""The texture atlas: procedural tiles in all sizes, and the lookup of their colours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The painting of texture tiles: asphalt, paving, plants, facades, and patterns that belong to nothing."""
+"""Paints texture tiles: asphalt, paving, plants, facades, and random patterns."""
 
 from __future__ import annotations
 

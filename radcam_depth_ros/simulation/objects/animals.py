@@ -12,7 +12,7 @@ from radcam_depth_ros.simulation.settings.randomness import pick
 
 
 class AnimalKind(IntEnum):
-    """What walks beside or on a road."""
+    """Kinds of animal beside or on a road."""
 
     DOG = 0
     DEER = 1

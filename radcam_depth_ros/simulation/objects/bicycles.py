@@ -53,7 +53,7 @@ def build_motorcycle(rng: np.random.Generator, with_rider: bool) -> Vehicle:
         parts.append(box([0.35, 0.4, 0.32], [-base - 0.02, 0, 1.05], metal))
     if with_rider:
         parts += _rider(rng, -0.08, -0.12)
-    return Vehicle(join(parts), 2 * (base + radius), 0.75)
+    return Vehicle(join(parts), 2 * (base + radius))
 
 
 def _rider(rng: np.random.Generator, x: float, z: float) -> list[Mesh]:

@@ -56,7 +56,7 @@ def build_car(rng: np.random.Generator, kind: VehicleKind) -> Vehicle:
         *lamps(label, front, shape.rear_x, width / 2, shape.belt - 0.2, rng.uniform(0.9, 1.5)),
         *wheels(label, (-shape.length * 0.29, shape.length * 0.296), width, shape.wheel_radius),
     ]
-    return Vehicle(join(parts), shape.length, width)
+    return Vehicle(join(parts), shape.length)
 
 
 def _draw_shape(rng: np.random.Generator, kind: VehicleKind) -> _Shape:

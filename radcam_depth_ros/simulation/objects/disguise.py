@@ -1,4 +1,4 @@
-"""Colours without regard to what they are on: depth cannot be learned from what things usually look like."""
+"""Random colours for all materials, so that depth cannot be learned from usual colours."""
 
 from __future__ import annotations
 

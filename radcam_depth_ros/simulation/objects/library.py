@@ -1,4 +1,4 @@
-"""The prototypes of a world: vehicles, people and plants that are built once and placed many times."""
+"""The prototypes of a world: vehicles, people, animals and plants, built once and placed many times."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from radcam_depth_ros.simulation.materials.surfaces import Surface, scaled
 from radcam_depth_ros.simulation.objects.animals import AnimalKind, build_animal
 from radcam_depth_ros.simulation.objects.bicycles import build_bicycle, build_motorcycle
 from radcam_depth_ros.simulation.objects.mesh import Mesh
-from radcam_depth_ros.simulation.objects.people import Walker, build_walker
+from radcam_depth_ros.simulation.objects.people import build_walker
 from radcam_depth_ros.simulation.objects.plants import Plant, PlantKind, build_plant
 from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, VehicleKind
 from radcam_depth_ros.simulation.objects.vehicles import build_vehicle, paint, with_lamps_off
@@ -34,7 +34,7 @@ class Library:
         motorcycles: Motorcycles with a rider.
         standing: Motorcycles that are parked.
         animals: One of each kind.
-        walkers: People on foot.
+        walkers: People on foot, each in the poses of one double step.
         plants: Several of each kind.
     """
 
@@ -45,7 +45,7 @@ class Library:
     motorcycles: tuple[Vehicle, ...]
     standing: tuple[Vehicle, ...]
     animals: dict[AnimalKind, Mesh]
-    walkers: tuple[Walker, ...]
+    walkers: tuple[tuple[Mesh, ...], ...]
     plants: dict[PlantKind, tuple[Plant, ...]]
 
     def draw_vehicle(self, rng: np.random.Generator, large: float) -> Vehicle:
@@ -62,23 +62,15 @@ class Library:
     def _draw_closed(self, rng: np.random.Generator, large: float) -> Vehicle:
         return repainted(pick(rng, self.large if rng.random() < large else self.cars), rng)
 
-    def draw_walker(self, rng: np.random.Generator) -> Walker:
-        """Somebody."""
-        return pick(rng, self.walkers)
-
-    def draw_plant(self, rng: np.random.Generator, kind: PlantKind) -> Plant:
-        """A plant of a kind."""
-        return pick(rng, self.plants[kind])
-
     def draw_tree(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
         """A tree as the season and the place have them."""
         if rng.random() < style.conifers:
-            return self.draw_plant(rng, PlantKind.CONIFER)
-        return self.draw_plant(rng, PlantKind.BARE if rng.random() < style.bare else PlantKind.BROADLEAF)
+            return pick(rng, self.plants[PlantKind.CONIFER])
+        return pick(rng, self.plants[PlantKind.BARE if rng.random() < style.bare else PlantKind.BROADLEAF])
 
     def draw_bush(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
         """A bush, likewise."""
-        return self.draw_plant(rng, PlantKind.BARE_BUSH if rng.random() < style.bare * 0.7 else PlantKind.BUSH)
+        return pick(rng, self.plants[PlantKind.BARE_BUSH if rng.random() < style.bare * 0.7 else PlantKind.BUSH])
 
 
 def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:

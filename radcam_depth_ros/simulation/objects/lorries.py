@@ -51,7 +51,7 @@ def build_van(rng: np.random.Generator) -> Vehicle:
     aside = width / 2 + 0.1
     parts += [box([0.12, 0.18, 0.3], [screen - 0.1, y, nose + 0.3], glass(label)) for y in (-aside, aside)]
     parts += wheels(label, (-length * 0.29, length * 0.31), width, 0.34)
-    return Vehicle(join(parts), length, width)
+    return Vehicle(join(parts), length)
 
 
 def build_truck(rng: np.random.Generator, articulated: bool) -> Vehicle:
@@ -98,7 +98,7 @@ def build_truck(rng: np.random.Generator, articulated: bool) -> Vehicle:
     parts += lamps(label, front, rear, 1.2, 0.85, 1.1)
     tractor, trailer = ((front - 4.2,), (rear + 4.0,)) if articulated else ((), ())
     parts += wheels(label, (front - 1.3, *tractor, rear + 1.4, rear + 2.7, *trailer), width, 0.5)
-    return Vehicle(join(parts), length, width)
+    return Vehicle(join(parts), length)
 
 
 def build_bus(rng: np.random.Generator) -> Vehicle:
@@ -129,4 +129,4 @@ def build_bus(rng: np.random.Generator) -> Vehicle:
     parts.append(box([0.06, 1.4, 0.25], [front - 0.12, 0, height - 0.28], display))
     parts += lamps(label, front, rear, 1.2, 0.75, 1.3)
     parts += wheels(label, (front - 2.7, rear + 3.2), width, 0.48)
-    return Vehicle(join(parts), length, width)
+    return Vehicle(join(parts), length)

@@ -1,8 +1,6 @@
-"""People on foot, in poses of one step."""
+"""People on foot, in the poses of one double step."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,19 +14,8 @@ DOUBLE_STEP_M = 1.5
 """Metres walked in one double step."""
 
 
-@dataclass(frozen=True)
-class Walker:
-    """One prototype.
-
-    Attributes:
-        poses: `POSES` meshes of one double step, facing +x, feet on z = 0; the first one also serves for standing.
-    """
-
-    poses: tuple[Mesh, ...]
-
-
-def build_walker(rng: np.random.Generator) -> Walker:
-    """Somebody with a size and clothes of their own."""
+def build_walker(rng: np.random.Generator) -> tuple[Mesh, ...]:
+    """A person with a size and clothes of their own: `POSES` poses facing +x, feet on z = 0; the first also stands."""
     dark = rng.random() < 0.6
     upper = rng.uniform(0.01, 0.12 if dark else 0.6, 3)
     lower = rng.uniform(0.01, 0.15, 3)
@@ -61,7 +48,7 @@ def build_walker(rng: np.random.Generator) -> Walker:
             *(arm.swung(side * swing * 0.8, 1.42) for arm, side in zip(arms, (-1, 1), strict=True)),
         ]
         poses.append(join(parts).moved((0, 0, 0), scale=size))
-    return Walker(tuple(poses))
+    return tuple(poses)
 
 
 def _limb(material: Material, y: float, low: float, high: float, thick: float, thin: float) -> Mesh:

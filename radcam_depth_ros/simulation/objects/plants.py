@@ -14,7 +14,7 @@ from radcam_depth_ros.simulation.objects.mesh import Mesh, ball, box, cross, joi
 
 
 class PlantKind(IntEnum):
-    """What grows along a street."""
+    """Kinds of plant along a street."""
 
     BROADLEAF = 0
     BARE = 1
@@ -30,12 +30,10 @@ class Plant:
     Attributes:
         near: For beside the road.
         far: For where it covers few pixels.
-        height_m: Height of both.
     """
 
     near: Mesh
     far: Mesh
-    height_m: float
 
 
 def build_plant(rng: np.random.Generator, kind: PlantKind, colour: Colour) -> Plant:
@@ -136,7 +134,7 @@ def _broadleaf(rng: np.random.Generator, colour: Colour) -> Plant:
     core = [ball(r * 0.72, (x, y, z), dark, sections=8) for x, y, z, r in blobs]
     near = join([stem, *core, _leaves(rng, *_on_blobs(rng, blobs, 750), 0.22, _leaf(colour))])
     far = join([stem, *core[:4], _leaves(rng, *_on_blobs(rng, blobs, 150), 0.42, _leaf(colour))])
-    return Plant(near, far, height)
+    return Plant(near, far)
 
 
 def _conifer(rng: np.random.Generator, colour: Colour) -> Plant:
@@ -155,7 +153,7 @@ def _conifer(rng: np.random.Generator, colour: Colour) -> Plant:
         outward = np.column_stack([np.cos(angle), np.sin(angle), np.full(count, 0.5)])
         return _leaves(rng, centres, outward, size, _leaf(colour))
 
-    return Plant(join([stem, needles(950, 0.24)]), join([stem, needles(190, 0.5)]), height)
+    return Plant(join([stem, needles(950, 0.24)]), join([stem, needles(190, 0.5)]))
 
 
 def _bare(rng: np.random.Generator, colour: Colour) -> Plant:
@@ -183,7 +181,7 @@ def _bare(rng: np.random.Generator, colour: Colour) -> Plant:
     near = [_sticks(segments, thickness, bark), _twigs(rng, segments[level == 3], 0.012, height, twig)]
     inner = level < 3
     far = [_sticks(segments[inner], thickness[inner], bark), _twigs(rng, segments[level == 2], 0.03, height, twig)]
-    return Plant(join(near), join(far), height)
+    return Plant(join(near), join(far))
 
 
 def _sticks(segments: npt.NDArray[np.floating], width: npt.NDArray[np.floating], material: Material) -> Mesh:
@@ -229,9 +227,9 @@ def _bush(rng: np.random.Generator, colour: Colour, bare: bool) -> Plant:
             return np.stack([base - side, base + side, tip + side * 0.4, tip - side * 0.4], 1)
 
         wood = Material(Surface.FOLIAGE, Label.VEGETATION, colour)
-        return Plant(quads(stalks(160, 0.012), wood), quads(stalks(40, 0.04), wood), height)
+        return Plant(quads(stalks(160, 0.012), wood), quads(stalks(40, 0.04), wood))
     dark = Material(Surface.FOLIAGE, Label.VEGETATION, scaled(colour, 0.5), Texture.HEDGE, 1.2)
     core = [ball(r * 0.8, (x, y, z), dark, sections=8) for x, y, z, r in blobs]
     near = join([*core, _leaves(rng, *_on_blobs(rng, blobs, 220), 0.13, _leaf(colour))])
     far = join([*core, _leaves(rng, *_on_blobs(rng, blobs, 40), 0.3, _leaf(colour))])
-    return Plant(near, far, height)
+    return Plant(near, far)

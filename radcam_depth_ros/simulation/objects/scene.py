@@ -41,42 +41,30 @@ class Scene:
     """
 
     def __init__(self, static: Mesh) -> None:
-        self._static_count = len(static)
         self._static = _hierarchy(static)
         self._moving: Any = None
-        self._faces = static
-        self._count = len(static)
+        self.faces: Mesh = static
+        """Attributes of all faces; those beyond the last one in use are not defined."""
+        self.static_count: int = len(static)
+        """Number of faces that stand still: the first ones."""
+        self.count: int = len(static)
+        """Number of faces in use."""
         self.velocity: FloatArray = np.zeros((len(static), 3), np.float32)
         """(F, 3) velocity of each face, m/s in world axes."""
         self.tiles_per_metre: FloatArray = _texture_density(static)
-        """(F,) how many tiles of its texture go on a metre of each face."""
-
-    @property
-    def faces(self) -> Mesh:
-        """Attributes of all faces; those beyond the last one that is in use are not defined."""
-        return self._faces
-
-    @property
-    def static_count(self) -> int:
-        """Number of faces that stand still: the first ones."""
-        return self._static_count
-
-    @property
-    def count(self) -> int:
-        """Number of faces that are in use."""
-        return self._count
+        """(F,) tiles of its texture on a metre of each face."""
 
     def set_movers(self, movers: list[tuple[Mesh, npt.NDArray[np.floating]]]) -> None:
         """Replaces the moving part by meshes with a velocity (3,) each."""
         moving = join([mesh for mesh, _ in movers])
         self._moving = _hierarchy(moving) if len(moving) else None
-        needed = self._static_count + len(moving)
-        if needed > len(self._faces):
+        needed = self.static_count + len(moving)
+        if needed > len(self.faces):
             self._grow(int(needed * 1.15) + 1000)
-        self._count = needed
-        tail = slice(self._static_count, needed)
+        self.count = needed
+        tail = slice(self.static_count, needed)
         for entry in fields(Mesh):
-            getattr(self._faces, entry.name)[tail] = getattr(moving, entry.name)
+            getattr(self.faces, entry.name)[tail] = getattr(moving, entry.name)
         if movers:
             lengths = [len(mesh) for mesh, _ in movers]
             self.tiles_per_metre[tail] = _texture_density(moving)
@@ -85,10 +73,10 @@ class Scene:
     def _grow(self, capacity: int) -> None:
         def longer(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
             grown = np.zeros((capacity, *array.shape[1:]), array.dtype)
-            grown[: self._static_count] = array[: self._static_count]
+            grown[: self.static_count] = array[: self.static_count]
             return grown
 
-        self._faces = self._faces.mapped(longer)
+        self.faces = self.faces.mapped(longer)
         self.velocity = longer(self.velocity)
         self.tiles_per_metre = longer(self.tiles_per_metre)
 
@@ -106,7 +94,7 @@ class Scene:
             limit = np.where(face < 0, np.float32(1e30), distance).astype(np.float32)
             nearer = self._moving.run(origins, directions, query="INTERSECT", output=1, dists=limit)
             hit = np.flatnonzero(nearer["primID"] >= 0)
-            face[hit] = nearer["primID"][hit] + self._static_count
+            face[hit] = nearer["primID"][hit] + self.static_count
             distance[hit], u[hit], v[hit] = nearer["tfar"][hit], nearer["u"][hit], nearer["v"][hit]
         return Hits(face, distance, u, v)
 

@@ -31,12 +31,10 @@ class Vehicle:
     Attributes:
         mesh: Front towards +x, wheels on z = 0.
         length_m: Bumper to bumper.
-        width_m: Without mirrors.
     """
 
     mesh: Mesh
     length_m: float
-    width_m: float
 
 
 def glass(label: Label) -> Material:

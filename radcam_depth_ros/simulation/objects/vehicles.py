@@ -1,4 +1,4 @@
-"""The kinds of vehicle and their paint; each is a mesh about the middle of its footprint."""
+"""Builds and paints vehicles of each kind; each is a mesh about the middle of its footprint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera: radiance, exact depth and classes of one view."""
+"""Renders one view of the camera: radiance, exact depth and classes."""
 
 from __future__ import annotations
 
@@ -213,15 +213,11 @@ def _edges(scene: Scene, face: npt.NDArray[np.int32], depth: FloatArray) -> npt.
     key[face < 0] = -1
     inverse = np.where(face >= 0, 1.0 / np.maximum(depth, np.float32(1e-3)), np.float32(0))
     edge = np.zeros(face.shape, np.bool_)
-    # A plane's inverse depth is linear in the image, so its second difference shows edges only.
-    bend = np.abs(inverse[:, :-2] - 2 * inverse[:, 1:-1] + inverse[:, 2:]) > 0.03 * inverse[:, 1:-1]
-    edge[:, 1:-1] |= bend
-    bend = np.abs(inverse[:-2] - 2 * inverse[1:-1] + inverse[2:]) > 0.03 * inverse[1:-1]
-    edge[1:-1] |= bend
-    differs = key[:, 1:] != key[:, :-1]
-    edge[:, 1:] |= differs
-    edge[:, :-1] |= differs
-    differs = key[1:] != key[:-1]
-    edge[1:] |= differs
-    edge[:-1] |= differs
+    for cells, near, differing in ((edge, inverse, key), (edge.T, inverse.T, key.T)):
+        # A plane's inverse depth is linear in the image, so its second difference shows edges only.
+        middle = near[1:-1]
+        cells[1:-1] |= np.abs(near[:-2] - 2 * middle + near[2:]) > 0.03 * middle
+        differs = differing[1:] != differing[:-1]
+        cells[1:] |= differs
+        cells[:-1] |= differs
     return edge

@@ -35,10 +35,7 @@ class CameraUnit:
         self._key = log_uniform(rng, 0.1, 0.42)
         self._metering = rng.uniform(0.5, 1.0)
         # Exposure control misses, and it cannot make a day of the night.
-        self._unsteady, self._floor = (
-            rng.uniform(0.03, 0.25),
-            log_uniform(rng, 1e-4, 8e-4),
-        )
+        self._unsteady, self._floor = rng.uniform(0.03, 0.25), log_uniform(rng, 1e-4, 8e-4)
         self._shutter_s = log_uniform(rng, 3e-4, 5e-3)
         self._balance = np.exp(rng.normal(0, [0.07, 0.02, 0.09]) * (3 if random else 1)).astype(np.float32)
         self._saturation = rng.uniform(0.45, 1.5) if rng.random() < 0.97 else 0.0
@@ -75,11 +72,10 @@ class CameraUnit:
         light = self._coloured(light)
         # The square root spends the table's entries where the curve is steep.
         index = (np.sqrt(np.minimum(light, _BRIGHTEST)) * _STEPS).astype(np.uint16)
-        picture = (
-            self._tone[0][index]
-            if len(self._tone) == 1
-            else np.stack([tone[index[..., channel]] for channel, tone in enumerate(self._tone)], axis=-1)
-        )
+        if len(self._tone) == 1:
+            picture = self._tone[0][index]
+        else:
+            picture = np.stack([tone[index[..., channel]] for channel, tone in enumerate(self._tone)], axis=-1)
         if self._sharpen > 0:
             picture = picture + self._sharpen * (picture - cv2.GaussianBlur(picture, (0, 0), self._halo_px))
         return np.asarray(np.clip(picture + 0.5, 0, 255), np.uint8)

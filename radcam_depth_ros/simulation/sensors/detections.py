@@ -1,4 +1,4 @@
-"""Which echoes a radar reports: resolution cells above the threshold, and what is not there."""
+"""Detections of a radar: resolution cells above the threshold, and false ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DECIBELS = 10 / np.log(10)
 
 @dataclass(frozen=True)
 class Cells:
-    """What a radar can tell apart.
+    """Resolution cells of a radar.
 
     Attributes:
         range_m: Metres.
@@ -112,7 +112,7 @@ def with_false_echoes(echoes: Echoes, unit: RadarUnit, rng: np.random.Generator)
     count = rng.poisson(unit.clutter)
     clutter = _from_nothing(rng.uniform(-unit.half_view, unit.half_view, count), unit, rng)
     everything = echoes.joined(_ghosts(echoes, unit, rng), clutter)
-    if rng.random() < unit.interference:
+    if rng.random() < unit.config.interference:
         burst = int(unit.max_points * rng.uniform(0.05, 0.5))
         # The other radar is in one direction; its signal may also leak into all of them.
         spread = np.deg2rad(3.0) if rng.random() < 0.5 else unit.half_view
@@ -137,12 +137,12 @@ def _ghosts(echoes: Echoes, unit: RadarUnit, rng: np.random.Generator) -> Echoes
         again.speed_mps * times,
         again.ground_speed_mps * times,
     )
-    return found.some(found.range_m < unit.max_range_m)
+    return found.some(found.range_m < unit.config.max_range_m)
 
 
 def _from_nothing(azimuth: npt.NDArray[np.floating], unit: RadarUnit, rng: np.random.Generator) -> Echoes:
     count = len(azimuth)
-    range_m = rng.uniform(2, unit.max_range_m, count)
+    range_m = rng.uniform(2, unit.config.max_range_m, count)
     speed = rng.normal(0, 8, count).astype(np.float32)
     decades = np.log10(range_m / 50)
     section_db = unit.threshold_dbsm + np.where(decades > 0, 40, 12) * decades + rng.exponential(4.0, count)

@@ -1,4 +1,4 @@
-"""What a radar's waves come back from: fans of rays, weighed by cross section, by direct way and by mirrors."""
+"""Traces a radar's echoes: fans of rays, weighed by cross section, on the direct way and by mirrors."""
 
 from __future__ import annotations
 
@@ -46,16 +46,15 @@ class Echoes:
 
     def some(self, chosen: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Echoes:
         """The echoes that an index or a mask names."""
-        return Echoes(**{field.name: getattr(self, field.name)[chosen] for field in fields(Echoes)})
+        return Echoes(*(column[chosen] for column in self._columns()))
 
     def joined(self, *others: Echoes) -> Echoes:
         """These and others, in order."""
-        return Echoes(
-            **{
-                field.name: np.concatenate([getattr(part, field.name) for part in (self, *others)])
-                for field in fields(Echoes)
-            }
-        )
+        parts = (self._columns(), *(other._columns() for other in others))
+        return Echoes(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+    def _columns(self) -> tuple[FloatArray, ...]:
+        return tuple(getattr(self, field.name) for field in fields(Echoes))
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,8 @@ def _with_mirrored(
     scene: Scene, hits: Hits, origin: FloatArray, outwards: FloatArray, unit: RadarUnit
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.int32], FloatArray, FloatArray, FloatArray]:
     """Of direct and mirrored echoes: ray, face, range, direction in which it is met, and share of the power."""
-    seen = np.flatnonzero((hits.face >= 0) & (hits.distance_m < unit.max_range_m) & (hits.distance_m > _NEAREST_M))
+    reach_m = unit.config.max_range_m
+    seen = np.flatnonzero((hits.face >= 0) & (hits.distance_m < reach_m) & (hits.distance_m > _NEAREST_M))
     face, range_m = hits.face[seen], hits.distance_m[seen]
     surface = scene.faces.surface[face]
     # The road is a mirror at these angles: that is how a radar sees below the vehicle in front. Rails and walls are
@@ -156,7 +156,7 @@ def _with_mirrored(
     beyond = scene.cast(np.ascontiguousarray(start, np.float32), np.ascontiguousarray(onwards, np.float32))
     total = range_m[mirror] + beyond.distance_m
     loss = np.repeat(np.array([unit.road_mirror, unit.mirror], np.float32), [len(on_road), len(upright)])
-    met = np.flatnonzero((beyond.face >= 0) & (total < unit.max_range_m))
+    met = np.flatnonzero((beyond.face >= 0) & (total < reach_m))
     return (
         np.concatenate([seen, ray[met]]),
         np.concatenate([face, beyond.face[met]]),

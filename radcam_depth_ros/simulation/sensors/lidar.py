@@ -1,4 +1,4 @@
-"""A spinning LiDAR."""
+"""Sweeps of a spinning LiDAR."""
 
 from __future__ import annotations
 

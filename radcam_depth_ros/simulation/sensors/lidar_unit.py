@@ -1,4 +1,4 @@
-"""The LiDAR of a seed: beams, range and sensitivity of units that are sold."""
+"""Draws the LiDAR of a seed: beams, range and sensitivity of units on the market."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.sensor_configuration import LidarConfig, LidarUnit
-from radcam_depth_ros.simulation.world.path import DoubleArray
+from radcam_depth_ros.simulation.world.centre_line import DoubleArray
 
 
 @dataclass(frozen=True)
 class Beams:
-    """What tells one spinning LiDAR from another.
+    """Beams and sensitivity of a spinning LiDAR.
 
     Attributes:
         elevations_deg: (B,) of the beams.

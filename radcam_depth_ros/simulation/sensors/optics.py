@@ -1,4 +1,4 @@
-"""What glass does to light on its way to the sensor: glare, drops and dirt, blur, colour fringes."""
+"""Optics between scene and sensor: glare, drops and dirt, blur, colour fringes, motion blur."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two radars: one like the ARS408 without elevation, and an imaging (4D) radar."""
+"""Sweeps of two radars: one like the ARS408 without elevation, and an imaging (4D) radar."""
 
 from __future__ import annotations
 
@@ -26,6 +26,11 @@ _MOVING_MPS = 0.6
 _FAR_HALF_VIEW = np.deg2rad(9.0)
 _FAR = Cells(range_m=1.79, azimuth=np.deg2rad(1.6), elevation=10.0, speed_mps=0.4)
 _NEAR = Cells(range_m=0.39, azimuth=np.deg2rad(3.2), elevation=10.0, speed_mps=0.4)
+# What the radar reports of the quality of every return, by the column's name in nuScenes' files.
+_CONSTANT = {
+    **{"is_quality_valid": 1, "ambig_state": 3, "x_rms": 19, "y_rms": 19},
+    **{"invalid_state": 0, "pdh0": 1, "vx_rms": 16, "vy_rms": 3},
+}
 _NEAR_REACH_M, _NEAR_REACH_ASIDE_M, _ASIDE = 70.0, 20.0, np.deg2rad(60.0)
 
 
@@ -50,12 +55,11 @@ def sweep_radar(
     wider = 1 + 4 * (found.azimuth / _ASIDE) ** 4
     azimuth = found.azimuth + unit.azimuth_noise * wider * _steadiness(found, unit) * rng.standard_normal(count)
     range_m = np.maximum(found.range_m + unit.range_noise_m * rng.standard_normal(count), 0.2)
-    error = unit.speed_noise_mps * rng.standard_normal(count)
+    error = unit.config.speed_noise_mps * rng.standard_normal(count)
     speed, ground_speed = found.speed_mps + error, found.ground_speed_mps + error
     section = 10 * np.log10(np.maximum(found.section_m2, 1e-6)) + rng.normal(0, 1.0, count)
     cos, sin = np.cos(azimuth), np.sin(azimuth)
     moving = np.where(ground_speed > _MOVING_MPS, 0, np.where(ground_speed < -_MOVING_MPS, 2, 1))
-    whole = np.zeros(count, np.int8)
     return {
         "x": (range_m * cos).astype(np.float32),
         "y": (range_m * sin).astype(np.float32),
@@ -68,14 +72,7 @@ def sweep_radar(
         "vy": (speed * sin).astype(np.float32),
         "vx_comp": (ground_speed * cos).astype(np.float32),
         "vy_comp": (ground_speed * sin).astype(np.float32),
-        "is_quality_valid": whole + np.int8(1),
-        "ambig_state": whole + np.int8(3),
-        "x_rms": whole + np.int8(19),
-        "y_rms": whole + np.int8(19),
-        "invalid_state": whole,
-        "pdh0": whole + np.int8(1),
-        "vx_rms": whole + np.int8(16),
-        "vy_rms": whole + np.int8(3),
+        **{name: np.full(count, value, np.int8) for name, value in _CONSTANT.items()},
     }
 
 
@@ -102,7 +99,7 @@ def sweep_imaging_radar(
     # Elevations come from few antennas: their errors have long tails, up to the edges of what the beam sees.
     error = unit.elevation_noise * steady * rng.standard_t(4, count)
     elevation = np.clip(found.elevation + error, np.deg2rad(-20.0), np.deg2rad(20.0))
-    speed = found.speed_mps + unit.speed_noise_mps * rng.standard_normal(count)
+    speed = found.speed_mps + unit.config.speed_noise_mps * rng.standard_normal(count)
     half = unit.speed_span_mps / 2
     intensity = 10 * np.log10(np.maximum(found.section_m2, 1e-6)) + rng.normal(0, 1.0, count)
     if unit.intensity_is_level:

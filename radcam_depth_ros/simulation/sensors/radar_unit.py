@@ -1,4 +1,4 @@
-"""The radar of a seed: what its configuration leaves open, drawn once."""
+"""Draws the radar of a seed from the ranges of its configuration."""
 
 from __future__ import annotations
 
@@ -35,49 +35,43 @@ class Reflectivity:
 
 @dataclass(frozen=True)
 class RadarUnit:
-    """A radar as it is; a `RadarConfig` explains what each value means.
+    """A radar as drawn; a `RadarConfig` explains what each value means.
 
     Attributes:
+        config: The settings that it was drawn from, for values that no seed draws.
         max_points: So many returns are kept.
-        max_range_m: Metres.
         half_view: Half the width of the sector, radians.
         threshold_dbsm: Cross section that is just seen at 50 m.
         range_noise_m: Standard deviation.
         azimuth_noise: Standard deviation of a weak return straight ahead, radians.
-        speed_noise_mps: Standard deviation.
         missed: Share that is lost.
         clutter: Returns from nothing on average.
         ghosts: Share that is seen again.
         mirror: Share of the power by way of upright surfaces.
         road_mirror: Share of the power by way of the road.
-        interference: Share of disturbed sweeps.
         reflectivity: How it sees materials.
         clock_offset_s: It measures so much after what its stamps say.
-        clock_jitter_s: Standard deviation of that.
         mount_from_radar: How it truly sits in the frame that its transform tells of.
     """
 
+    config: RadarConfig
     max_points: int
-    max_range_m: float
     half_view: float
     threshold_dbsm: float
     range_noise_m: float
     azimuth_noise: float
-    speed_noise_mps: float
     missed: float
     clutter: float
     ghosts: float
     mirror: float
     road_mirror: float
-    interference: float
     reflectivity: Reflectivity
     clock_offset_s: float
-    clock_jitter_s: float
     mount_from_radar: RigidTransform
 
     def delay_s(self, rng: np.random.Generator) -> float:
         """How long after its stamp a sweep is taken."""
-        return self.clock_offset_s + self.clock_jitter_s * float(rng.standard_normal())
+        return self.clock_offset_s + self.config.clock_jitter_s * float(rng.standard_normal())
 
 
 @dataclass(frozen=True)
@@ -107,22 +101,19 @@ def draw_radar(config: RadarConfig, rng: np.random.Generator) -> RadarUnit:
     """Draws a radar without elevation."""
     draws = _Draws(config, rng)
     return RadarUnit(
+        config=config,
         max_points=round(draws.by_magnitude("points")),
-        max_range_m=config.max_range_m,
         half_view=float(np.deg2rad(draws.even("field_of_view_deg") / 2)),
         threshold_dbsm=draws.even("threshold_dbsm"),
         range_noise_m=draws.even("range_noise_m"),
         azimuth_noise=float(np.deg2rad(draws.by_magnitude("azimuth_noise_deg"))),
-        speed_noise_mps=config.speed_noise_mps,
         missed=draws.even("missed"),
         clutter=draws.by_magnitude("clutter"),
         ghosts=draws.up_to(config.max_ghosts),
         mirror=draws.up_to(config.max_mirror),
         road_mirror=draws.up_to(config.max_road_mirror),
-        interference=config.interference,
         reflectivity=_draw_reflectivity(config.material_spread_db, rng),
         clock_offset_s=rng.uniform(-1, 1) * config.max_clock_offset_s,
-        clock_jitter_s=config.clock_jitter_s,
         mount_from_radar=_draw_mounting_error(config, rng),
     )
 

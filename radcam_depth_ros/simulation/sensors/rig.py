@@ -1,4 +1,4 @@
-"""Where the sensors sit on the vehicle."""
+"""Draws the mounting of the sensors on the vehicle."""
 
 from __future__ import annotations
 

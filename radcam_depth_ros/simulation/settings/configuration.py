@@ -1,16 +1,16 @@
-"""What can be set of a simulated drive; the defaults are those of config/simulation.yaml."""
+"""Settings of a simulated drive; the defaults are those of config/simulation.yaml."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
 
-from radcam_depth_ros.simulation.settings.errors import require as _require
+from radcam_depth_ros.simulation.settings.errors import require, require_pairs, require_positive_rate, require_ranges
 from radcam_depth_ros.simulation.settings.sensor_configuration import ImagingRadarConfig, LidarConfig, RadarConfig
 
 
 class StreetKind(str, Enum):
-    """What is on both sides of the road; ANY draws one for each seed."""
+    """Kind of street, by the land beside it or its special feature; ANY draws one for each seed."""
 
     ANY = "any"
     TOWN = "town"
@@ -45,7 +45,7 @@ class TimeOfDay(str, Enum):
 
 
 class Season(str, Enum):
-    """What grows and lies on the ground; ANY draws one for each seed."""
+    """Season, which decides leaves and snow; ANY draws one for each seed."""
 
     ANY = "any"
     SUMMER = "summer"
@@ -88,14 +88,9 @@ class WorldConfig:
     random_light: float = 0.15
 
     def __post_init__(self) -> None:
-        for name in ("traffic", "parked", "people", "speed"):
-            value = getattr(self, name)
-            _require(0 <= value <= 4, f"world.{name} is a multiple between 0 and 4, got {value}")
-        _require(0 <= self.max_slope <= 0.2, f"world.max_slope must be 0 to 0.2, got {self.max_slope}")
-        share = self.random_textures
-        _require(0 <= share <= 1, f"world.random_textures is a share between 0 and 1, got {share}")
-        _require(100 <= self.view_m <= 1500, f"world.view_m must be 100 to 1500 m, got {self.view_m}")
-        _require(0 <= self.random_light <= 1, f"world.random_light is a share from 0 to 1, got {self.random_light}")
+        multiples = dict.fromkeys(("traffic", "parked", "people", "speed"), (0, 4))
+        shares = dict.fromkeys(("random_textures", "random_light"), (0, 1))
+        require_ranges("world", self, {**multiples, **shares, "max_slope": (0, 0.2), "view_m": (100, 1500)})
 
 
 @dataclass(frozen=True)
@@ -139,32 +134,18 @@ class CameraConfig:
     classes: bool = True
 
     def __post_init__(self) -> None:
-        _require(self.rate_hz > 0, f"camera.rate_hz must be positive, got {self.rate_hz}")
-        _require(
-            16 <= self.width <= 4096 and 16 <= self.height <= 4096,
-            f"the image must be 16 to 4096 pixels wide and high, got {self.width} x {self.height}",
-        )
-        for name, least_px, most_px in (
-            ("width", self.min_width, self.width),
-            ("height", self.min_height, self.height),
-        ):
-            _require(
+        require_positive_rate("camera", self.rate_hz)
+        sides = dict.fromkeys(("width", "height"), (16, 4096))
+        require_ranges("camera", self, {**sides, "max_pitch_deg": (0, 20), "edge_samples": (0, 8)})
+        sizes = {"focal_length_px": (10, 10000), "height_m": (0.3, 4), "jpeg_quality": (1, 100)}
+        require_pairs("camera", self, sizes)
+        for name in ("width", "height"):
+            least_px, most_px = getattr(self, f"min_{name}"), getattr(self, name)
+            require(
                 least_px == 0 or 16 <= least_px <= most_px,
                 f"camera.min_{name} must be 0 (always camera.{name}) or 16 to camera.{name}, which is {most_px}, "
                 f"got {least_px}",
             )
-        for low, high, least, most in (
-            ("min_focal_length_px", "max_focal_length_px", 10, 10000),
-            ("min_height_m", "max_height_m", 0.3, 4),
-            ("min_jpeg_quality", "max_jpeg_quality", 1, 100),
-        ):
-            first, second = getattr(self, low), getattr(self, high)
-            _require(
-                least <= first <= second <= most,
-                f"camera.{low} and camera.{high} must be {least} to {most} and in order, got {first} and {second}",
-            )
-        _require(0 <= self.max_pitch_deg <= 20, f"camera.max_pitch_deg must be 0 to 20, got {self.max_pitch_deg}")
-        _require(0 <= self.edge_samples <= 8, f"camera.edge_samples must be 0 to 8, got {self.edge_samples}")
 
 
 @dataclass(frozen=True)
@@ -182,7 +163,7 @@ class OdometryConfig:
     speed_noise_mps: float = 0.02
 
     def __post_init__(self) -> None:
-        _require(self.rate_hz > 0, f"odometry.rate_hz must be positive, got {self.rate_hz}")
+        require_positive_rate("odometry", self.rate_hz)
 
 
 @dataclass(frozen=True)
@@ -211,6 +192,6 @@ class SimulationConfig:
     start_s: float = 1700000000.0
 
     def __post_init__(self) -> None:
-        _require(1 <= self.start_s < 4e9, f"start_s must be 1 to 4e9 seconds since 1970, got {self.start_s}")
+        require(1 <= self.start_s < 4e9, f"start_s must be 1 to 4e9 seconds since 1970, got {self.start_s}")
         fastest = max(self.radar.rate_hz, self.imaging_radar.rate_hz, self.lidar.rate_hz, self.odometry.rate_hz)
-        _require(fastest <= 1000, f"no sensor may be faster than 1000 Hz, got {fastest}")
+        require(fastest <= 1000, f"no sensor may be faster than 1000 Hz, got {fastest}")

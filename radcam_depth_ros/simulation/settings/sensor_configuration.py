@@ -1,15 +1,15 @@
-"""What can be set of the radars and the LiDAR: ranges, from which a seed draws its sensors."""
+"""Settings of the radars and the LiDAR: ranges from which each seed draws its sensors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
 
-from radcam_depth_ros.simulation.settings.errors import require
+from radcam_depth_ros.simulation.settings.errors import require, require_pairs, require_positive_rate, require_ranges
 
 
 class LidarUnit(str, Enum):
-    """Spinning LiDARs that are sold, by their elevation fans; ANY draws one for each seed."""
+    """Spinning LiDARs on the market, by their elevations; ANY draws one for each seed."""
 
     ANY = "any"
     VLP_16 = "vlp_16"
@@ -140,18 +140,17 @@ class ImagingRadarConfig(RadarConfig):
 
     def __post_init__(self) -> None:
         _check_radar("imaging_radar", self)
-        for name, least, most in (
-            ("elevation_noise_deg", 0.0, 20.0),
-            ("range_cell_m", 0.02, 5.0),
-            ("azimuth_cell_deg", 0.1, 20.0),
-            ("speed_span_mps", 1.0, 1000.0),
-        ):
-            _check_pair("imaging_radar", self, name, least, most)
-        require(0 <= self.max_spread <= 50, f"imaging_radar.max_spread must be 0 to 50, got {self.max_spread}")
-        require(
-            0 <= self.max_intensity_offset_db <= 200,
-            f"imaging_radar.max_intensity_offset_db must be 0 to 200, got {self.max_intensity_offset_db}",
+        require_pairs(
+            "imaging_radar",
+            self,
+            {
+                "elevation_noise_deg": (0, 20),
+                "range_cell_m": (0.02, 5),
+                "azimuth_cell_deg": (0.1, 20),
+                "speed_span_mps": (1, 1000),
+            },
         )
+        require_ranges("imaging_radar", self, {"max_spread": (0, 50), "max_intensity_offset_db": (0, 200)})
 
 
 @dataclass(frozen=True)
@@ -183,50 +182,38 @@ class LidarConfig:
     max_height_m: float = 2.2
 
     def __post_init__(self) -> None:
-        require(self.rate_hz > 0, f"lidar.rate_hz must be positive, got {self.rate_hz}")
+        require_positive_rate("lidar", self.rate_hz)
         require(
             (self.beams is None or 1 <= self.beams <= 256) and 16 <= self.columns <= 8192,
             f"lidar.beams must be 1 to 256 or null and lidar.columns 16 to 8192, got {self.beams} and {self.columns}",
         )
-        require(1 <= self.max_range_m <= 500, f"lidar.max_range_m must be 1 to 500, got {self.max_range_m}")
-        require(0 <= self.range_noise_m <= 1, f"lidar.range_noise_m must be 0 to 1, got {self.range_noise_m}")
-        require(0 <= self.missed <= 1, f"lidar.missed is a share, got {self.missed}")
-        _check_pair("lidar", self, "height_m", 0.2, 5.0)
+        require_ranges("lidar", self, {"max_range_m": (1, 500), "range_noise_m": (0, 1), "missed": (0, 1)})
+        require_pairs("lidar", self, {"height_m": (0.2, 5)})
 
 
-def _check_pair(sensor: str, config: RadarConfig | LidarConfig, name: str, least: float, most: float) -> None:
-    low, high = getattr(config, f"min_{name}"), getattr(config, f"max_{name}")
-    require(
-        least <= low <= high <= most,
-        f"{sensor}.min_{name} and {sensor}.max_{name} must be {least:g} to {most:g} and in order, got {low} and {high}",
-    )
+_RADAR_PAIRS = {
+    "points": (1, 20000),
+    "field_of_view_deg": (10, 160),
+    "threshold_dbsm": (-60, 60),
+    "range_noise_m": (0, 5),
+    "azimuth_noise_deg": (0, 20),
+    "missed": (0, 1),
+    "clutter": (0, 5000),
+    "height_m": (0.1, 5),
+}
+_RADAR_RANGES = {
+    "max_range_m": (10, 500),
+    **dict.fromkeys(("max_ghosts", "max_mirror", "max_road_mirror", "interference"), (0, 1)),
+    "speed_noise_mps": (0, 10),
+    "material_spread_db": (0, 20),
+    "max_clock_offset_s": (0, 0.2),
+    "clock_jitter_s": (0, 0.05),
+    "max_mounting_error_deg": (0, 10),
+    "max_mounting_error_m": (0, 1),
+}
 
 
 def _check_radar(sensor: str, config: RadarConfig) -> None:
-    require(config.rate_hz > 0, f"{sensor}.rate_hz must be positive, got {config.rate_hz}")
-    require(10 <= config.max_range_m <= 500, f"{sensor}.max_range_m must be 10 to 500, got {config.max_range_m}")
-    for name, least, most in (
-        ("points", 1, 20000),
-        ("field_of_view_deg", 10, 160),
-        ("threshold_dbsm", -60, 60),
-        ("range_noise_m", 0, 5),
-        ("azimuth_noise_deg", 0, 20),
-        ("missed", 0, 1),
-        ("clutter", 0, 5000),
-        ("height_m", 0.1, 5),
-    ):
-        _check_pair(sensor, config, name, least, most)
-    for name, limit in (
-        ("max_ghosts", 1.0),
-        ("max_mirror", 1.0),
-        ("max_road_mirror", 1.0),
-        ("interference", 1.0),
-        ("speed_noise_mps", 10.0),
-        ("material_spread_db", 20.0),
-        ("max_clock_offset_s", 0.2),
-        ("clock_jitter_s", 0.05),
-        ("max_mounting_error_deg", 10.0),
-        ("max_mounting_error_m", 1.0),
-    ):
-        value = getattr(config, name)
-        require(0 <= value <= limit, f"{sensor}.{name} must be 0 to {limit:g}, got {value}")
+    require_positive_rate(sensor, config.rate_hz)
+    require_pairs(sensor, config, _RADAR_PAIRS)
+    require_ranges(sensor, config, _RADAR_RANGES)

@@ -13,7 +13,7 @@ from radcam_depth_ros.simulation.settings.randomness import log_uniform, pick
 
 
 class Land(IntEnum):
-    """What lies beside the road for some length."""
+    """Kinds of land beside the road."""
 
     BLOCKS = 0
     HOUSES = 1

@@ -1,4 +1,4 @@
-"""The own vehicle: how it drives along its lane, and its pose and velocity at any time."""
+"""Drives the own vehicle along its lane, and gives its pose and velocity at any time."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy.typing as npt
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.simulation.settings.style import StreetStyle
-from radcam_depth_ros.simulation.world.path import DoubleArray, Path
+from radcam_depth_ros.simulation.world.centre_line import CentreLine, DoubleArray
 from radcam_depth_ros.simulation.world.relief import Relief
 
 _DERIVATIVE_S = 1e-3
 
 
 @dataclass(frozen=True)
-class Motion:
+class EgoMotion:
     """The state of the vehicle's footprint frame at one time.
 
     Attributes:
@@ -38,7 +38,7 @@ class Motion:
 class EgoDrive:
     """The own vehicle's drive: speed that swells and falls, a little wandering in the lane, a little pitch and roll."""
 
-    def __init__(self, rng: np.random.Generator, style: StreetStyle, path: Path, relief: Relief) -> None:
+    def __init__(self, rng: np.random.Generator, style: StreetStyle, path: CentreLine, relief: Relief) -> None:
         self._path, self._relief = path, relief
         self._speed, self._askew = style.speed_mps, style.askew_rad
         self._swell = rng.uniform(0.0, 0.7)
@@ -59,18 +59,13 @@ class EgoDrive:
 
     def world_from_base(self, time: float) -> RigidTransform:
         """Pose of the footprint frame at a time, seconds."""
-        waves = self._wander * np.sin(2 * np.pi * time / self._waves + self._phases)
+        phase = 2 * np.pi * time / self._waves + self._phases
+        waves = self._wander * np.sin(phase)
         lateral, speed_share = waves[0] + waves[1], min(1.0, self._speed / 5.0)
         s = float(self.s(time))
         t = self._offset + lateral * speed_share
         x, y = self._path.position(s, t)
-        slopes = (
-            self._wander[:2]
-            * 2
-            * np.pi
-            / self._waves[:2]
-            * np.cos(2 * np.pi * time / self._waves[:2] + self._phases[:2])
-        )
+        slopes = self._wander[:2] * 2 * np.pi / self._waves[:2] * np.cos(phase[:2])
         yaw = float(self._path.heading(s)) + float(slopes.sum()) * speed_share / max(self._speed, 5.0) + self._askew
         uphill = self._relief.slope(float(x), float(y))
         ahead, left = uphill @ [np.cos(yaw), np.sin(yaw)], uphill @ [-np.sin(yaw), np.cos(yaw)]
@@ -83,13 +78,13 @@ class EgoDrive:
         place = np.array([float(x), float(y), float(self._relief.height(float(x), float(y)) + self._path.camber(s, t))])
         return RigidTransform(_rotation(yaw, pitch, roll), place)
 
-    def motion(self, time: float) -> Motion:
+    def motion(self, time: float) -> EgoMotion:
         """Pose and velocities at a time, seconds."""
         before, now, after = (self.world_from_base(time + step) for step in (-_DERIVATIVE_S, 0.0, _DERIVATIVE_S))
         velocity = (after.translation - before.translation) / (2 * _DERIVATIVE_S)
         turn = (after.rotation @ before.rotation.T) / (2 * _DERIVATIVE_S)
         rate = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
-        return Motion(now, velocity, rate)
+        return EgoMotion(now, velocity, rate)
 
 
 def _rotation(yaw: float, pitch: float, roll: float) -> DoubleArray:

@@ -1,4 +1,4 @@
-"""The ground of a stretch: road and its repairs, kerbs, sidewalks, verges, the land's surface, side roads."""
+"""Lays the ground of a stretch: road and repairs, kerbs, sidewalks, verges, the land's surface, side roads."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def lay_ground(stretch: Stretch) -> None:
     style, rng = stretch.style, stretch.rng
     texture = style.road if rng.random() < 0.88 else Texture.ASPHALT_PATCHED
     tone = style.asphalt * float(np.exp(rng.normal(0, 0.06)))
-    road = Material(Surface.ASPHALT, Label.ROAD, _grey(tone, rng), texture, style.road_tile_m)
+    road = _asphalt(tone, rng, texture, style.road_tile_m)
     stretch.strip(-style.right_edge_m, style.left_edge_m, 0.0, road)
     if style.median_m > 0:
         _median(stretch, style.median_m / 2)
@@ -43,20 +43,24 @@ def _grown(stretch: Stretch) -> Material:
     """Grass, soil, fallen leaves or snow."""
     style, rng = stretch.style, stretch.rng
     if style.snow and rng.random() < 0.8:
-        return Material(Surface.GROUND, Label.TERRAIN, (0.9, 0.92, 0.95), Texture.SNOW, rng.uniform(6, 12))
+        return _soil((0.9, 0.92, 0.95), Texture.SNOW, rng.uniform(6, 12))
     kind = rng.random()
     if kind < 0.2:
-        return Material(Surface.GROUND, Label.TERRAIN, _muted(style.grass), Texture.SOIL, rng.uniform(3, 10))
+        return _soil(_muted(style.grass), Texture.SOIL, rng.uniform(3, 10))
     if kind < (0.5 if style.season in (Season.AUTUMN, Season.WINTER) else 0.24):
-        return Material(Surface.GROUND, Label.TERRAIN, style.grass, Texture.LITTER, rng.uniform(2, 4))
-    return Material(Surface.GROUND, Label.TERRAIN, style.grass, Texture.GRASS, rng.uniform(3, 8))
+        return _soil(style.grass, Texture.LITTER, rng.uniform(2, 4))
+    return _soil(style.grass, Texture.GRASS, rng.uniform(3, 8))
+
+
+def _soil(colour: Colour, texture: Texture, tile_m: float) -> Material:
+    return Material(Surface.GROUND, Label.TERRAIN, colour, texture, tile_m)
 
 
 def _sealed(stretch: Stretch, tone: float) -> Material:
     """The surface of a yard or car park: often the road's own."""
     rng = stretch.rng
     if rng.random() < 0.5:
-        return Material(Surface.ASPHALT, Label.ROAD, _grey(tone, rng), stretch.style.road, stretch.style.road_tile_m)
+        return _asphalt(tone, rng, stretch.style.road, stretch.style.road_tile_m)
     textures = (Texture.ASPHALT, Texture.ASPHALT_PATCHED, Texture.CONCRETE, Texture.PAVING, Texture.GRAVEL)
     shade = float(np.clip(tone * np.exp(rng.normal(0, 0.5)), 0.03, 0.5))
     texture = pick(rng, textures)
@@ -66,22 +70,15 @@ def _sealed(stretch: Stretch, tone: float) -> Material:
 def _sidewalk(stretch: Stretch, sign: int, ground: Material, road: Material) -> None:
     style, rng = stretch.style, stretch.rng
     side, edge = stretch.side(sign)
-    paved = Material(
-        Surface.PAVING,
-        Label.SIDEWALK,
-        _grey(float(np.clip(style.asphalt * rng.uniform(0.7, 3.0), 0.05, 0.55)), rng),
-        pick(rng, [Texture.PAVING, Texture.ASPHALT, Texture.COBBLES, Texture.CONCRETE], (0.45, 0.3, 0.15, 0.1)),
-        rng.uniform(1.2, 4.0),
-    )
+    tone = _grey(float(np.clip(style.asphalt * rng.uniform(0.7, 3.0), 0.05, 0.55)), rng)
+    textures = (Texture.PAVING, Texture.ASPHALT, Texture.COBBLES, Texture.CONCRETE)
+    texture = pick(rng, textures, (0.45, 0.3, 0.15, 0.1))
+    paved = Material(Surface.PAVING, Label.SIDEWALK, tone, texture, rng.uniform(1.2, 4.0))
     at, lift = edge + side.parking_m, style.kerb_m
     stone = Material(Surface.PAVING, Label.SIDEWALK, _grey(rng.uniform(0.12, 0.45), rng), Texture.PLAIN)
-    lane = Material(
-        Surface.PAVING,
-        Label.ROAD,
-        _grey(road.colour[1] * rng.uniform(0.8, 1.4), rng),
-        Texture.COBBLES if rng.random() < 0.3 else road.texture,
-        4.0,
-    )
+    colour = _grey(road.colour[1] * rng.uniform(0.8, 1.4), rng)
+    lane_texture = Texture.COBBLES if rng.random() < 0.3 else road.texture
+    lane = Material(Surface.PAVING, Label.ROAD, colour, lane_texture, 4.0)
     for start, stop in stretch.spans:
         if side.parking_m > 0:
             stretch.strip(sign * edge, sign * at, 0.0, lane, start, stop)
@@ -98,7 +95,7 @@ def _verge(stretch: Stretch, sign: int) -> None:
     _, edge = stretch.side(sign)
     colour: Colour = (0.85, 0.88, 0.92) if style.snow else _muted(style.grass)
     texture = Texture.SNOW if style.snow else pick(rng, (Texture.SOIL, Texture.GRAVEL, Texture.LITTER))
-    dirt = Material(Surface.GROUND, Label.TERRAIN, colour, texture, rng.uniform(2, 6))
+    dirt = _soil(colour, texture, rng.uniform(2, 6))
     inner, outer = edge - rng.uniform(0, 0.4), edge + rng.uniform(0.3, 1.5)
     for start, stop in stretch.spans:
         stretch.strip(sign * inner, sign * outer, (0.012, 0.03), dirt, start, stop)
@@ -151,13 +148,7 @@ def side_road_height(stretch: Stretch, sign: int, s: npt.ArrayLike, outwards: np
 
 def _median(stretch: Stretch, half: float) -> None:
     style, rng = stretch.style, stretch.rng
-    grown = Material(
-        Surface.GROUND,
-        Label.TERRAIN,
-        (0.85, 0.87, 0.9) if style.snow else style.grass,
-        Texture.SNOW if style.snow else Texture.GRASS,
-        5.0,
-    )
+    grown = _soil((0.85, 0.87, 0.9), Texture.SNOW, 5.0) if style.snow else _soil(style.grass, Texture.GRASS, 5.0)
     inner = half - 0.35
     stone = Material(Surface.PAVING, Label.TERRAIN, _grey(0.3, rng))
     for start, stop in stretch.spans:
@@ -169,17 +160,13 @@ def _median(stretch: Stretch, half: float) -> None:
             stretch.place_along(furniture.concrete_barrier, 1, stretch.start_m, stretch.stop_m, 0.0, style.kerb_m)
         else:
             for sign in (1, -1):
-                stretch.place_along(
-                    furniture.guard_rail, sign, stretch.start_m, stretch.stop_m, -sign * 0.3, style.kerb_m
-                )
+                t = -sign * 0.3
+                stretch.place_along(furniture.guard_rail, sign, stretch.start_m, stretch.stop_m, t, style.kerb_m)
     elif half > 1.0:
         for s in np.arange(stretch.start_m + 3, stretch.stop_m, rng.uniform(7, 25)):
             if rng.random() < 0.7 and not stretch.crosses(float(s), float(s)):
-                plant = (
-                    stretch.library.draw_tree(rng, style)
-                    if rng.random() < 0.5
-                    else stretch.library.draw_bush(rng, style)
-                )
+                draw = stretch.library.draw_tree if rng.random() < 0.5 else stretch.library.draw_bush
+                plant = draw(rng, style)
                 stretch.place(plant.near, float(s), 0.0, style.kerb_m, rng.uniform(0, 6.28), rng.uniform(0.6, 1.0))
 
 
@@ -189,24 +176,20 @@ def _repairs(stretch: Stretch, tone: float) -> None:
     low, high = -style.right_edge_m, style.left_edge_m
     if rng.random() < 0.3:
         lane = -float(rng.integers(0, style.lanes)) * style.lane_m - style.median_m / 2
-        material = Material(
-            Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(0, 0.35))), rng), Texture.ASPHALT, 7.0
-        )
+        material = _asphalt(tone * float(np.exp(rng.normal(0, 0.35))), rng, Texture.ASPHALT, 7.0)
         stretch.strip(lane - style.lane_m, lane, 0.0025, material)
     for _ in range(rng.poisson(1.5)):
         s, t = rng.uniform(stretch.start_m, stretch.stop_m - 9), rng.uniform(low, high - 1.5)
-        material = Material(
-            Surface.ASPHALT, Label.ROAD, _grey(tone * float(np.exp(rng.normal(-0.1, 0.4))), rng), Texture.ASPHALT, 6.0
-        )
+        material = _asphalt(tone * float(np.exp(rng.normal(-0.1, 0.4))), rng, Texture.ASPHALT, 6.0)
         stretch.strip(t, min(t + rng.uniform(0.6, 3.5), high), 0.004, material, s, s + rng.uniform(1.5, 9))
-    tar = Material(Surface.ASPHALT, Label.ROAD, _grey(rng.uniform(0.015, 0.04), rng), Texture.ASPHALT, 2.0)
+    tar = _asphalt(rng.uniform(0.015, 0.04), rng, Texture.ASPHALT, 2.0)
     if rng.random() < 0.35:
         # Seams between the lanes, and wheel tracks: darker where tyres polish, lighter where they wear.
         for lane in range(-style.oncoming_lanes, style.lanes):
             t = style.lane_centre_m(lane) + style.lane_m / 2
             stretch.strip(t - 0.03, t + 0.03, 0.0032, tar)
     if rng.random() < 0.35:
-        track = Material(Surface.ASPHALT, Label.ROAD, _grey(tone * style.track, rng), style.road, style.road_tile_m)
+        track = _asphalt(tone * style.track, rng, style.road, style.road_tile_m)
         for lane in range(-style.oncoming_lanes, style.lanes):
             for aside in (-0.8, 0.8):
                 t = style.lane_centre_m(lane) + aside
@@ -218,14 +201,17 @@ def _repairs(stretch: Stretch, tone: float) -> None:
         wander = s + np.clip(np.cumsum(rng.normal(0, 0.25, 12)), -3, 3)
         width = rng.uniform(0.03, 0.12)
         along = np.stack([wander, wander + width])
-        points = np.concatenate(
-            [stretch.path.position(along, across), (0.0036 + stretch.path.camber(along, across))[..., None]], axis=-1
-        )
+        height = 0.0036 + stretch.path.camber(along, across)
+        points = np.concatenate([stretch.path.position(along, across), height[..., None]], axis=-1)
         stretch.parts.append(sheet(points, tar))
     iron = Material(Surface.METAL, Label.ROAD, _grey(tone * rng.uniform(0.4, 0.9), rng), Texture.METAL)
     for _ in range(rng.poisson(0.8)):
         s, t = rng.uniform(stretch.start_m, stretch.stop_m - 1), rng.uniform(low + 0.5, high - 1)
         stretch.strip(t, t + 0.6, 0.005, iron, s, s + 0.6)
+
+
+def _asphalt(tone: float, rng: np.random.Generator, texture: Texture, tile_m: float) -> Material:
+    return Material(Surface.ASPHALT, Label.ROAD, _grey(tone, rng), texture, tile_m)
 
 
 def _grey(tone: float, rng: np.random.Generator) -> Colour:

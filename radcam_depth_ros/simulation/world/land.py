@@ -1,10 +1,12 @@
-"""The land behind the sidewalk: houses, gardens, forest, fields, halls."""
+"""Builds the land behind the sidewalk: houses, gardens, forest, fields, halls."""
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture, scaled
 from radcam_depth_ros.simulation.objects import buildings, furniture, plants
 from radcam_depth_ros.simulation.objects.animals import AnimalKind
 from radcam_depth_ros.simulation.objects.mesh import Mesh
@@ -78,7 +80,6 @@ def _houses(stretch: Stretch, sign: int) -> None:
 def _boundary(stretch: Stretch, sign: int) -> None:
     """Hedges, fences and walls between gardens and sidewalk, in pieces with gates between them."""
     style, rng = stretch.style, stretch.rng
-    side, edge = stretch.side(sign)
     s = stretch.start_m
     while s < stretch.stop_m - 4:
         length = rng.uniform(6, 18)
@@ -100,14 +101,7 @@ def _boundary(stretch: Stretch, sign: int) -> None:
                 build = (furniture.picket_fence, furniture.panel_fence, furniture.garden_wall)[kind - 2]
                 return build(own, chord, min(height, 1.4) if kind == 2 else height * (0.7 if kind == 4 else 1.0))
 
-            stretch.place_along(
-                piece,
-                sign,
-                s,
-                s + length,
-                sign * (edge + side.land_m + 0.6),
-                lambda at: float(stretch.ground_m(sign, at, 0.6)) - 0.02,
-            )
+            stretch.place_along_land(piece, sign, s, s + length, 0.6, -0.02)
         s += length + pick(rng, (0.0, 1.2, 3.5))
 
 
@@ -124,12 +118,11 @@ def _forest(stretch: Stretch, sign: int) -> None:
                 continue
             plant = stretch.library.draw_tree(rng, style)
             mesh = plant.near if row == 0 and rng.random() < 0.5 else plant.far
-            z = float(stretch.ground_m(sign, at, out)) - 0.1
-            stretch.place(mesh, at, sign * (edge + side.land_m + out), z, rng.uniform(0, 6.28), rng.uniform(0.8, 1.4))
+            stretch.place_on_land(mesh, sign, at, out, -0.1, rng.uniform(0, 6.28), rng.uniform(0.8, 1.4))
     # Behind the last row it is dark.
     tone = rng.uniform(0.2, 0.6)
-    r, g, b = style.twig if style.bare > 0.5 and style.conifers < 0.3 else style.foliage
-    dark = Material(Surface.FOLIAGE, Label.VEGETATION, (r * tone, g * tone, b * tone), Texture.LEAF, 5.0)
+    colour = style.twig if style.bare > 0.5 and style.conifers < 0.3 else style.foliage
+    dark = Material(Surface.FOLIAGE, Label.VEGETATION, scaled(colour, tone), Texture.LEAF, 5.0)
     back = edge + side.land_m + start + 13.0
     s = np.linspace(stretch.start_m, stretch.stop_m, 18)
     foot = stretch.ground_m(sign, s, start + 13.0) - 1.0
@@ -140,16 +133,14 @@ def _forest(stretch: Stretch, sign: int) -> None:
 
 def _field(stretch: Stretch, sign: int) -> None:
     style, rng = stretch.style, stretch.rng
-    side, edge = stretch.side(sign)
+    _, edge = stretch.side(sign)
     if rng.random() < 0.5:
         colours = ((0.35, 0.27, 0.1), (0.1, 0.07, 0.05), (0.1, 0.16, 0.04), (0.25, 0.22, 0.08))
         crop = Material(Surface.GROUND, Label.TERRAIN, pick(rng, colours), Texture.SOIL, 8.0)
         reach = np.array([5.0, 10.0, 16.0, 25.0, 38.0, 52.0, 70.0])
         lift = rng.uniform(0.1, 0.5)
         for first, last in [] if style.snow else stretch.spans:
-            s = np.linspace(first, last, max(2, int((last - first) / 5.0)))
-            along, outwards = np.meshgrid(s, reach, indexing="ij")
-            stretch.grid(s, sign * (edge + side.land_m + reach), stretch.ground_m(sign, along, outwards) + lift, crop)
+            stretch.cover_land(sign, first, last, reach, lift, crop)
     if rng.random() < 0.6:
         _trees(stretch, sign, int(rng.integers(1, 4)), 4.0, 40.0)
     if rng.random() < 0.3:
@@ -164,12 +155,10 @@ def _field(stretch: Stretch, sign: int) -> None:
 def _herd(stretch: Stretch, sign: int) -> None:
     """Horses, cows or deer that graze."""
     rng = stretch.rng
-    side, edge = stretch.side(sign)
     animal = stretch.library.animals[pick(rng, (AnimalKind.DEER, AnimalKind.HORSE, AnimalKind.COW))]
     for _ in range(int(rng.integers(1, 7))):
         s, out = rng.uniform(stretch.start_m, stretch.stop_m), rng.uniform(5, 30)
-        z = float(stretch.ground_m(sign, s, out)) - 0.02
-        stretch.place(animal, s, sign * (edge + side.land_m + out), z, rng.uniform(0, 6.28))
+        stretch.place_on_land(animal, sign, s, out, -0.02, rng.uniform(0, 6.28))
 
 
 def _halls(stretch: Stretch, sign: int) -> None:
@@ -189,20 +178,18 @@ def _halls(stretch: Stretch, sign: int) -> None:
         along, across = np.meshgrid(s, t, indexing="ij")
         stretch.grid(s, sign * t, stretch.ground_m(sign, along, across - edge - side.land_m) + 0.05, lot)
     if setback - side.land_m > 12:
-        for position in np.arange(stretch.start_m + 2, stretch.stop_m - 2, 2.8):
-            if rng.random() < 0.6 and not stretch.crosses(float(position), float(position)):
+        for at in np.arange(stretch.start_m + 2, stretch.stop_m - 2, 2.8):
+            if rng.random() < 0.6 and not stretch.crosses(float(at), float(at)):
                 out = side.land_m + 5.5
-                z = float(stretch.ground_m(sign, position, out - side.land_m)) + 0.05
+                z = float(stretch.ground_m(sign, at, out - side.land_m)) + 0.05
                 car = stretch.library.draw_parked(rng).mesh
                 turned = pick(rng, (-1.0, 1.0)) * np.pi / 2 + rng.normal(0, 0.03)
-                stretch.place(car, float(position), sign * (edge + out), z, turned)
+                stretch.place(car, float(at), sign * (edge + out), z, turned)
     _trees(stretch, sign, 2, 1.0, 2.5)
     if rng.random() < 0.4:
-        height = rng.uniform(1.2, 2.2)
+        fence = partial(furniture.wire_fence, height=rng.uniform(1.2, 2.2))
         for first, last in stretch.spans:
-            stretch.place_along(
-                lambda chord: furniture.wire_fence(chord, height), sign, first, last, sign * (edge + side.land_m + 0.8)
-            )
+            stretch.place_along(fence, sign, first, last, sign * (edge + side.land_m + 0.8))
 
 
 def _park(stretch: Stretch, sign: int) -> None:
@@ -213,17 +200,9 @@ def _park(stretch: Stretch, sign: int) -> None:
 
 
 def _noise_wall(stretch: Stretch, sign: int) -> None:
-    side, edge = stretch.side(sign)
     look, height = furniture.noise_wall_look(stretch.rng), stretch.rng.uniform(2.5, 4.5)
     for start, stop in stretch.spans:
-        stretch.place_along(
-            lambda chord: furniture.noise_wall(chord, height, look),
-            sign,
-            start,
-            stop,
-            sign * (edge + side.land_m + 4.0),
-            lambda s: float(stretch.ground_m(sign, s, 4.0)) - 0.1,
-        )
+        stretch.place_along_land(partial(furniture.noise_wall, height=height, face=look), sign, start, stop, 4.0, -0.1)
     _trees(stretch, sign, 6, 6.0, 14.0)
 
 
@@ -239,14 +218,8 @@ def _tree_line(stretch: Stretch, sign: int) -> None:
     for s in np.arange(stretch.start_m, stretch.stop_m, rng.uniform(3.5, 9)):
         plant = stretch.library.draw_tree(rng, style)
         z = float(stretch.ground_m(sign, s, out)) - 0.2
-        stretch.place(
-            plant.far,
-            float(s),
-            sign * (edge + side.land_m + out + rng.normal(0, 2)),
-            z,
-            rng.uniform(0, 6.28),
-            rng.uniform(0.9, 1.5),
-        )
+        t = sign * (edge + side.land_m + out + rng.normal(0, 2))
+        stretch.place(plant.far, float(s), t, z, rng.uniform(0, 6.28), rng.uniform(0.9, 1.5))
 
 
 def _trees(stretch: Stretch, sign: int, count: int, low: float, high: float) -> None:
@@ -259,12 +232,10 @@ def _bushes(stretch: Stretch, sign: int, count: int, low: float, high: float) ->
 
 def _scatter(stretch: Stretch, sign: int, count: int, low: float, high: float, trees: bool) -> None:
     rng, style = stretch.rng, stretch.style
-    side, edge = stretch.side(sign)
     for _ in range(count):
         s, out = rng.uniform(stretch.start_m, stretch.stop_m), rng.uniform(max(low, 0.3), max(high, 0.5))
         if stretch.crosses(s, s):
             continue
         plant = stretch.library.draw_tree(rng, style) if trees else stretch.library.draw_bush(rng, style)
         mesh = plant.near if out < 14 else plant.far
-        z = float(stretch.ground_m(sign, s, out)) - 0.08
-        stretch.place(mesh, s, sign * (edge + side.land_m + out), z, rng.uniform(0, 6.28), rng.uniform(0.7, 1.2))
+        stretch.place_on_land(mesh, sign, s, out, -0.08, rng.uniform(0, 6.28), rng.uniform(0.7, 1.2))

@@ -1,6 +1,9 @@
-"""Open places: car parks with rows of vehicles, yards, squares, lay-bys, driveways."""
+"""Builds open places: car parks with rows of vehicles, yards, squares, lay-bys, driveways."""
 
 from __future__ import annotations
+
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,9 +34,8 @@ def fill_lot(stretch: Stretch, sign: int) -> None:
         out += _ROW_M + (rng.uniform(5.5, 8.0) if row % 2 == 0 else 0.3)
     if rng.random() < 0.5:
         item = furniture.lamp(rng)
-        for s in np.arange(stretch.start_m + 5, stretch.stop_m, 22.0):
-            if not stretch.crosses(float(s), float(s)):
-                stretch.place(item, float(s), sign * (edge + first + _ROW_M + 0.2), 0.0, 0.0 if sign > 0 else np.pi)
+        for s in stretch.free_places(stretch.start_m + 5, stretch.stop_m, 22.0):
+            stretch.place(item, s, sign * (edge + first + _ROW_M + 0.2), 0.0, 0.0 if sign > 0 else np.pi)
     if rng.random() < 0.3:
         low = rng.uniform(stretch.start_m, stretch.stop_m - 8)
         if not stretch.crosses(low, low + 5):
@@ -44,39 +46,26 @@ def fill_lot(stretch: Stretch, sign: int) -> None:
 def fill_open(stretch: Stretch, sign: int) -> None:
     """A wide empty surface, with little on it."""
     style, rng = stretch.style, stretch.rng
-    side, edge = stretch.side(sign)
     for _ in range(rng.poisson(1.2)):
         s, out = rng.uniform(stretch.start_m, stretch.stop_m), rng.uniform(4, 50)
         if stretch.crosses(s - 4, s + 4):
             continue
         kind = int(rng.integers(4))
-        item = (
-            stretch.library.draw_parked(rng, 0.4).mesh
-            if kind < 2
-            else furniture.lamp(rng)
-            if kind == 2
-            else furniture.litter_bin(rng)
-        )
-        z = float(stretch.ground_m(sign, s, out)) - 0.02
-        stretch.place(item, s, sign * (edge + side.land_m + out), z, rng.uniform(0, 6.28))
+        if kind < 2:
+            item = stretch.library.draw_parked(rng, 0.4).mesh
+        else:
+            item = furniture.lamp(rng) if kind == 2 else furniture.litter_bin(rng)
+        stretch.place_on_land(item, sign, s, out, -0.02, rng.uniform(0, 6.28))
     if rng.random() < 0.3 and style.kind is not StreetKind.CAR_PARK:
-        height = rng.uniform(1.0, 2.2)
+        fence = partial(furniture.wire_fence, height=rng.uniform(1.0, 2.2))
         for start, stop in stretch.spans:
-            stretch.place_along(
-                lambda length: furniture.wire_fence(length, height),
-                sign,
-                start,
-                stop,
-                sign * (edge + side.land_m + 0.6),
-                lambda s: float(stretch.ground_m(sign, s, 0.6)) - 0.03,
-            )
+            stretch.place_along_land(fence, sign, start, stop, 0.6, -0.03)
     _close(stretch, sign, rng.uniform(30, 70))
 
 
 def _row(stretch: Stretch, sign: int, out: float, taken: float, slant: float, lines: Material | None) -> None:
     rng = stretch.rng
-    _, edge = stretch.side(sign)
-    side, _ = stretch.side(sign)
+    side, edge = stretch.side(sign)
     if out + _ROW_M > 80:
         return
     for s in np.arange(np.ceil(stretch.start_m / _BAY_M) * _BAY_M, stretch.stop_m, _BAY_M):
@@ -96,9 +85,9 @@ def _row(stretch: Stretch, sign: int, out: float, taken: float, slant: float, li
 
 
 def _close(stretch: Stretch, sign: int, out: float) -> None:
-    """What bounds an open place: a hall, trees or nothing."""
+    """Closes an open place with a hall, trees or nothing."""
     rng = stretch.rng
-    side, edge = stretch.side(sign)
+    side, _ = stretch.side(sign)
     kind = rng.random()
     if kind < 0.35 and not np.isfinite(stretch.crossing_m) and out < 60:
         length = rng.uniform(25, STRETCH_M - 1)
@@ -109,8 +98,7 @@ def _close(stretch: Stretch, sign: int, out: float) -> None:
         for s in np.arange(stretch.start_m, stretch.stop_m, rng.uniform(4, 12)):
             plant = stretch.library.draw_tree(rng, stretch.style)
             at = min(out + rng.normal(0, 1.5), 85.0)
-            z = float(stretch.ground_m(sign, s, at)) - 0.1
-            stretch.place(plant.far, float(s), sign * (edge + side.land_m + at), z, rng.uniform(0, 6.28))
+            stretch.place_on_land(plant.far, sign, float(s), at, -0.1, rng.uniform(0, 6.28))
 
 
 def lay_driveways(stretch: Stretch, sign: int) -> None:
@@ -148,16 +136,11 @@ def lay_by(stretch: Stretch, sign: int) -> None:
         return
     tone = style.asphalt * rng.uniform(0.7, 1.4)
     look = Material(Surface.ASPHALT, Label.ROAD, (tone, tone, tone), style.road, style.road_tile_m)
-    s = np.array([low - 6.0, low, high, high + 6.0])
-    points = np.stack([np.full(4, 0.0), np.array([0.1, wide, wide, 0.1])], axis=-1)
-    for index in range(3):
-        row = np.linspace(0, 1, 3)
-        along = np.interp(row, [0, 1], s[index : index + 2])
-        across = np.interp(row, [0, 1], points[index : index + 2, 1])
-        for a, b, wa, wb in zip(along[:-1], along[1:], across[:-1], across[1:], strict=True):
+    s, widths = [low - 6.0, low, high, high + 6.0], [0.1, wide, wide, 0.1]
+    for ends, across in zip(pairwise(s), pairwise(widths), strict=True):
+        for (a, b), (wa, wb) in zip(pairwise(np.linspace(*ends, 3)), pairwise(np.linspace(*across, 3)), strict=True):
             stretch.strip(sign * (edge - 0.05), sign * (edge + (wa + wb) / 2), 0.02, look, float(a), float(b))
-    for _ in range(int(rng.integers(0, 3))):
+    if rng.integers(0, 3):
         vehicle = stretch.library.draw_parked(rng, 0.6)
         place = rng.uniform(low + 8, high - 8)
         stretch.place(vehicle.mesh, place, sign * (edge + wide / 2), 0.02, 0.0 if sign < 0 else np.pi)
-        break

@@ -1,4 +1,4 @@
-"""The rise and fall of the country: everything stands on it, the road too."""
+"""Height of the ground, road included."""
 
 from __future__ import annotations
 

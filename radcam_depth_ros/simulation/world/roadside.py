@@ -1,4 +1,4 @@
-"""What stands, parks and waits between the road and the land behind it."""
+"""Furnishes the roadside: lamps, trees, signs, rails, parked vehicles, waiting and standing people."""
 
 from __future__ import annotations
 
@@ -139,15 +139,9 @@ def _lamps(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
     item = furniture.pole(rng) if style.kind is StreetKind.RURAL else furniture.lamp(rng)
     pitch = rng.uniform(24, 45)
-    for s in np.arange(np.ceil(stretch.start_m / pitch) * pitch, stretch.stop_m, pitch):
-        if not stretch.crosses(float(s), float(s)):
-            stretch.place(
-                item,
-                float(s),
-                sign * (edge + side.parking_m + 0.5),
-                style.kerb_m * (side.walk_m > 0),
-                0.0 if sign > 0 else np.pi,
-            )
+    t, z = sign * (edge + side.parking_m + 0.5), style.kerb_m * (side.walk_m > 0)
+    for s in stretch.free_places(np.ceil(stretch.start_m / pitch) * pitch, stretch.stop_m, pitch):
+        stretch.place(item, s, t, z, 0.0 if sign > 0 else np.pi)
 
 
 def _street_trees(stretch: Stretch, sign: int) -> None:
@@ -158,27 +152,19 @@ def _street_trees(stretch: Stretch, sign: int) -> None:
     offset = (
         side.parking_m + (side.verge_m / 2 if side.verge_m > 0.3 else 0.8) if side.walk_m > 0 else rng.uniform(2.5, 5)
     )
-    for s in np.arange(
-        np.ceil(stretch.start_m / side.tree_spacing_m) * side.tree_spacing_m, stretch.stop_m, side.tree_spacing_m
-    ):
+    pitch = side.tree_spacing_m
+    for s in np.arange(np.ceil(stretch.start_m / pitch) * pitch, stretch.stop_m, pitch):
         if rng.random() < 0.85 and not stretch.crosses(float(s), float(s)):
             plant = stretch.library.draw_tree(rng, style)
-            z = float(stretch.ground_m(sign, s, offset - side.land_m)) - 0.03
-            stretch.place(
-                plant.near,
-                float(s + rng.normal(0, 0.4)),
-                sign * (edge + offset),
-                z,
-                rng.uniform(0, 6.28),
-                rng.uniform(0.75, 1.15),
-            )
+            z, place = float(stretch.ground_m(sign, s, offset - side.land_m)) - 0.03, float(s + rng.normal(0, 0.4))
+            turn, scale = rng.uniform(0, 6.28), rng.uniform(0.75, 1.15)
+            stretch.place(plant.near, place, sign * (edge + offset), z, turn, scale)
 
 
 def _signs(stretch: Stretch, sign: int) -> None:
     side, edge = stretch.side(sign)
     rng = stretch.rng
-    count = rng.poisson({StreetKind.TOWN: 1.2, StreetKind.HIGHWAY: 0.5}.get(stretch.style.kind, 0.8))
-    for _ in range(count):
+    for _ in range(rng.poisson({StreetKind.TOWN: 1.2, StreetKind.HIGHWAY: 0.5}.get(stretch.style.kind, 0.8))):
         s = rng.uniform(stretch.start_m, stretch.stop_m)
         large = rng.random() < 0.2
         item = furniture.board(rng) if large else furniture.traffic_sign(rng)
@@ -199,9 +185,8 @@ def _small_things(stretch: Stretch, sign: int) -> None:
     lift = style.kerb_m
     if rng.random() < 0.15:
         post = furniture.bollard(rng)
-        for s in np.arange(stretch.start_m, stretch.stop_m, rng.uniform(1.6, 4)):
-            if not stretch.crosses(float(s), float(s)):
-                stretch.place(post, float(s), sign * (edge + side.parking_m + 0.35), lift)
+        for s in stretch.free_places(stretch.start_m, stretch.stop_m, rng.uniform(1.6, 4)):
+            stretch.place(post, s, sign * (edge + side.parking_m + 0.35), lift)
     items: list[Mesh] = [furniture.litter_bin(rng) for _ in range(rng.poisson(1.0))]
     if rng.random() < 0.4:
         items += [stretch.library.bicycles[index % 2] for index in range(int(rng.integers(1, 5)))]
@@ -223,11 +208,11 @@ def _standing(stretch: Stretch, sign: int) -> None:
     for _ in range(count if side.walk_m > 0 else 0):
         s = rng.uniform(stretch.start_m, stretch.stop_m)
         t = sign * (edge + side.parking_m + rng.uniform(0.4, max(side.walk_m - 0.3, 0.5)) + side.verge_m)
-        pose = stretch.library.draw_walker(rng).poses[0]
+        pose = pick(rng, stretch.library.walkers)[0]
         yaw = rng.uniform(0, 6.28)
         stretch.place(pose, s, t, stretch.style.kerb_m, yaw)
         # Some talk to each other.
         for _ in range(pick(rng, (0, 1, 2, 3), (0.7, 0.18, 0.08, 0.04))):
-            other = stretch.library.draw_walker(rng).poses[0]
+            other = pick(rng, stretch.library.walkers)[0]
             aside = rng.uniform(-1.0, 1.0, 2)
             stretch.place(other, s + float(aside[0]), t + float(aside[1]) * 0.5, stretch.style.kerb_m, yaw + np.pi)

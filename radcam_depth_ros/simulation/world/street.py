@@ -1,8 +1,8 @@
-"""One stretch of street while it is being built: where things are put, and at which height."""
+"""A stretch of street under construction: places objects and surfaces on it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from radcam_depth_ros.simulation.materials.surfaces import Material
 from radcam_depth_ros.simulation.objects.library import Library
-from radcam_depth_ros.simulation.objects.mesh import Mesh, join, sheet
+from radcam_depth_ros.simulation.objects.mesh import Mesh, sheet
 from radcam_depth_ros.simulation.settings.style import Land, Side, StreetStyle
-from radcam_depth_ros.simulation.world.path import Path
+from radcam_depth_ros.simulation.world.centre_line import CentreLine
 
 STRETCH_M = 50.0
 """Length of a stretch."""
@@ -45,7 +45,7 @@ class Stretch:
     """
 
     start_m: float
-    path: Path
+    path: CentreLine
     style: StreetStyle
     library: Library
     rng: np.random.Generator
@@ -139,10 +139,42 @@ class Stretch:
             piece = replace(piece, corners=rising).moved((x0, y0, z0), float(np.arctan2(y1 - y0, x1 - x0)))
             self.parts.append(self.path.tilted(piece, float(low + high) / 2, t))
 
+    def place_on_land(
+        self, mesh: Mesh, sign: int, s: float, outwards: float, lift: float, yaw: float, scale: float = 1.0
+    ) -> None:
+        """Puts a mesh on the land beside the road, `outwards` of where the land begins and `lift` above its height."""
+        side, edge = self.side(sign)
+        z = float(self.ground_m(sign, s, outwards)) + lift
+        self.place(mesh, s, sign * (edge + side.land_m + outwards), z, yaw, scale)
+
+    def place_along_land(
+        self, build: Callable[[float], Mesh], sign: int, start: float, stop: float, outwards: float, lift: float
+    ) -> None:
+        """Puts something long on the land beside the road, as `place_along` and `place_on_land` do."""
+        side, edge = self.side(sign)
+
+        def height(s: float) -> float:
+            return float(self.ground_m(sign, s, outwards)) + lift
+
+        self.place_along(build, sign, start, stop, sign * (edge + side.land_m + outwards), height)
+
+    def cover_land(
+        self, sign: int, start: float, stop: float, reach: npt.NDArray[np.float64], lift: float, material: Material
+    ) -> None:
+        """Lays a surface over the land beside the road at distances from where it begins."""
+        side, edge = self.side(sign)
+        s = np.linspace(start, stop, max(2, int((stop - start) / ROW_SPACING_M)))
+        along, outwards = np.meshgrid(s, reach, indexing="ij")
+        z = self.ground_m(sign, along, outwards) + lift
+        self.grid(s, sign * (edge + side.land_m + reach), z, material)
+
+    def free_places(self, start: float, stop: float, spacing: float) -> Iterator[float]:
+        """Places from `start` to `stop` at even distances that are not on the side road."""
+        return (float(s) for s in np.arange(start, stop, spacing) if not self.crosses(float(s), float(s)))
+
     def place_facing_road(self, mesh: Mesh, sign: int, s: float, outwards: float, depth: float = 0.0) -> None:
         """Puts a mesh whose front is at y = 0 beside the road, the front towards the road, on the land's height."""
-        _, edge = self.side(sign)
-        side, _ = self.side(sign)
+        side, edge = self.side(sign)
         z = float(self.ground_m(sign, s, outwards - side.land_m + depth / 2)) - 0.05
         # Along the chord, so that a long front does not come near the road in a curve.
         t, reach = sign * (edge + outwards), float(mesh.corners[..., 0].max()) * sign
@@ -175,8 +207,3 @@ class Stretch:
         points = np.concatenate([self.path.position(along, across), height[..., None]], axis=-1)
         uv = np.stack([across, along], axis=-1) / material.tile_m
         self.parts.append(sheet(points, material, uv))
-
-
-def finished(stretch: Stretch) -> Mesh:
-    """All that was placed, as one mesh."""
-    return join(stretch.parts)

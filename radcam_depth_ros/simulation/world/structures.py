@@ -1,4 +1,4 @@
-"""What roads lead under and through: bridges, tunnels and their portals, wires."""
+"""Builds bridges over the road, tunnels with their portals, and wires."""
 
 from __future__ import annotations
 

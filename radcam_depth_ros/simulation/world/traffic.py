@@ -1,4 +1,4 @@
-"""Everything that moves besides the own vehicle: vehicles in lanes, people and bicycles along the road."""
+"""Moves all road users but the own vehicle: vehicles in lanes, people and bicycles along the road."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from radcam_depth_ros.simulation.objects.people import DOUBLE_STEP_M
 from radcam_depth_ros.simulation.settings.configuration import StreetKind, WorldConfig
 from radcam_depth_ros.simulation.settings.randomness import pick
 from radcam_depth_ros.simulation.settings.style import StreetStyle
+from radcam_depth_ros.simulation.world.centre_line import CentreLine, DoubleArray
 from radcam_depth_ros.simulation.world.ego import EgoDrive
-from radcam_depth_ros.simulation.world.path import DoubleArray, Path
 from radcam_depth_ros.simulation.world.relief import Relief
 
 BEHIND_M = 70.0
@@ -59,7 +59,7 @@ class Traffic:
         rng: np.random.Generator,
         config: WorldConfig,
         style: StreetStyle,
-        path: Path,
+        path: CentreLine,
         relief: Relief,
         library: Library,
         ego: EgoDrive,
@@ -111,10 +111,7 @@ class Traffic:
         own, oncoming = lane == self._ego.lane, lane < 0
         # What does not move at all is in one place for the whole drive, as is what the own vehicle follows.
         speed = style.speed_mps * rng.uniform(0.75, 1.3) * (-1 if oncoming else 1)
-        if own:
-            low, high = -BEHIND_M, AHEAD_M
-        else:
-            low, high = self._needed(speed)
+        low, high = (-BEHIND_M, AHEAD_M) if own else self._needed(speed)
         # Somebody in front of somebody behind: nobody overlaps the own vehicle.
         place = low + rng.uniform(0, headway_m)
         while place < high:
@@ -156,9 +153,8 @@ class Traffic:
             while place < 140.0:
                 vehicle = self._library.draw_vehicle(rng, style.large)
                 place += vehicle.length_m + 3.0 + rng.gamma(1.2, (14.0 if style.waiting else 70.0) / traffic)
-                lane = (
-                    sign * style.crossing_half_m * float(rng.choice([0.3, 0.65]) if style.crossing_half_m > 6 else 0.5)
-                )
+                share = pick(rng, (0.3, 0.65)) if style.crossing_half_m > 6 else 0.5
+                lane = sign * style.crossing_half_m * share
                 across = _steady(sign * place, speed)
                 if self._is_clear(crossing_m + lane, across, vehicle.length_m / 2):
                     self._movers.append(
@@ -206,7 +202,7 @@ class Traffic:
                         out = first + rng.normal(0, 0.35)
                         self._movers.append(
                             Mover(
-                                self._library.draw_walker(rng).poses,
+                                pick(rng, self._library.walkers),
                                 DOUBLE_STEP_M,
                                 _steady(place, speed),
                                 _steady(sign * (edge + max(out, 0.3)), 0.0),
@@ -224,7 +220,7 @@ class Traffic:
         reach = float(self._ego.s(self._duration_s))
         rate = min(style.people_per_100m * people, 8.0) / 100 * 0.5
         for _ in range(rng.poisson(rate * (reach + 120))):
-            poses = self._library.draw_walker(rng).poses
+            poses = pick(rng, self._library.walkers)
             self._cross(rng, poses, DOUBLE_STEP_M, rng.uniform(0.8, 1.9), reach)
         wild = 0.25 if style.kind is StreetKind.RURAL else 0.06
         if style.kind is not StreetKind.HIGHWAY and rng.random() < wild * people:

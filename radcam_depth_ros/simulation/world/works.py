@@ -1,6 +1,8 @@
-"""Construction sites: cones, beacons, barriers, fences, containers, machines, heaps."""
+"""Builds construction sites: cones, beacons, barriers, fences, containers, machines, heaps."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 
@@ -8,7 +10,7 @@ from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surf
 from radcam_depth_ros.simulation.objects import furniture
 from radcam_depth_ros.simulation.objects.mesh import Mesh, box, join, sheet, tube
 from radcam_depth_ros.simulation.settings.randomness import pick
-from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch
+from radcam_depth_ros.simulation.world.street import Stretch
 
 _ORANGE = (0.75, 0.16, 0.02)
 _YELLOW = (0.65, 0.36, 0.02)
@@ -19,9 +21,8 @@ def cone() -> Mesh:
     rubber = Material(Surface.RUBBER, Label.IGNORE, _ORANGE)
     band = Material(Surface.SIGN_FACE, Label.IGNORE, (0.8, 0.8, 0.8))
     body = tube(0.14, 0.72, rubber, 8, 0.03)
-    return join(
-        [box([0.4, 0.4, 0.04], [0, 0, 0.02], rubber), body, tube(0.103, 0.14, band, 8, 0.082).moved((0, 0, 0.28))]
-    )
+    foot = box([0.4, 0.4, 0.04], [0, 0, 0.02], rubber)
+    return join([foot, body, tube(0.103, 0.14, band, 8, 0.082).moved((0, 0, 0.28))])
 
 
 def beacon() -> Mesh:
@@ -116,13 +117,9 @@ def set_up_works(stretch: Stretch) -> None:
     side, edge = stretch.side(sign)
     inner, outer = abs(line) + 0.6, edge + side.land_m + rng.uniform(3, 9)
     if rng.random() < 0.6:
-        soil = Material(
-            Surface.GROUND,
-            Label.TERRAIN,
-            pick(rng, ((0.2, 0.14, 0.09), (0.35, 0.3, 0.22), (0.25, 0.24, 0.22))),
-            pick(rng, (Texture.SOIL, Texture.GRAVEL)),
-            rng.uniform(2, 5),
-        )
+        colour = pick(rng, ((0.2, 0.14, 0.09), (0.35, 0.3, 0.22), (0.25, 0.24, 0.22)))
+        texture = pick(rng, (Texture.SOIL, Texture.GRAVEL))
+        soil = Material(Surface.GROUND, Label.TERRAIN, colour, texture, rng.uniform(2, 5))
         low, high = sorted(rng.uniform(stretch.start_m, stretch.stop_m, 2))
         stretch.strip(sign * inner, sign * min(edge + 0.2, outer), 0.02, soil, float(low), float(high) + 1.0)
         for _ in range(rng.poisson(0.9)):
@@ -137,9 +134,8 @@ def set_up_works(stretch: Stretch) -> None:
             stretch.place(item, s, sign * out, style.kerb_m if out > edge and side.walk_m > 0 else 0.0, yaw)
     if rng.random() < 0.5:
         low = rng.uniform(stretch.start_m, stretch.stop_m - 15)
-        stretch.place_along(
-            lambda length: furniture.wire_fence(length, 2.0), -sign, low, low + 14.0, sign * (outer + 0.5)
-        )
+        fence = partial(furniture.wire_fence, height=2.0)
+        stretch.place_along(fence, -sign, low, low + 14.0, sign * (outer + 0.5))
     if rng.random() < 0.4:
         board = furniture.board(rng)
         stretch.place(board.recoloured(Surface.SIGN_FACE, _YELLOW), stretch.start_m + 5.0, -(style.right_edge_m + 1.2))
@@ -154,7 +150,6 @@ def _guide(stretch: Stretch, line: float) -> None:
             stretch.place_along(furniture.concrete_barrier if rng.random() < 0.5 else barrier, 1, start, stop, line)
         return
     item = (cone(), beacon(), barrier(2.0))[kind]
-    for s in np.arange(stretch.start_m, stretch.start_m + STRETCH_M, rng.uniform(3.0, 9.0)):
-        if not stretch.crosses(float(s), float(s)):
-            turn = rng.normal(0, 0.1) if kind < 2 else rng.normal(0, 0.2)
-            stretch.place(item, float(s), line + rng.normal(0, 0.12), 0.0, turn)
+    for s in stretch.free_places(stretch.start_m, stretch.stop_m, rng.uniform(3.0, 9.0)):
+        turn = rng.normal(0, 0.1) if kind < 2 else rng.normal(0, 0.2)
+        stretch.place(item, s, line + rng.normal(0, 0.12), 0.0, turn)

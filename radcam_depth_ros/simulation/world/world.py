@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from radcam_depth_ros.simulation.light.light import draw_light
-from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture, scaled
 from radcam_depth_ros.simulation.materials.textures import TextureAtlas
 from radcam_depth_ros.simulation.objects.disguise import Disguise
 from radcam_depth_ros.simulation.objects.library import build_library
@@ -14,14 +14,14 @@ from radcam_depth_ros.simulation.objects.scene import Scene
 from radcam_depth_ros.simulation.settings.configuration import StreetKind, WorldConfig
 from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 from radcam_depth_ros.simulation.settings.style import Land, draw_style
+from radcam_depth_ros.simulation.world.centre_line import CentreLine
 from radcam_depth_ros.simulation.world.ego import EgoDrive
 from radcam_depth_ros.simulation.world.ground import lay_ground
 from radcam_depth_ros.simulation.world.land import settle
 from radcam_depth_ros.simulation.world.markings import paint_markings
-from radcam_depth_ros.simulation.world.path import Path
 from radcam_depth_ros.simulation.world.relief import Relief
 from radcam_depth_ros.simulation.world.roadside import furnish
-from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch, finished
+from radcam_depth_ros.simulation.world.street import STRETCH_M, Stretch
 from radcam_depth_ros.simulation.world.structures import dig_tunnel
 from radcam_depth_ros.simulation.world.traffic import Traffic
 from radcam_depth_ros.simulation.world.works import set_up_works
@@ -48,7 +48,7 @@ class World:
         self._wear = rng.uniform(0.2, 0.85)
         self._first_junction = int(rng.integers(2))
         reach_m = self.style.speed_mps * duration_s * 2 + config.view_m + 500
-        self.path = Path(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m, config.max_slope)
+        self.path = CentreLine(generator(seed, Stream.PATH), -400.0, reach_m, self.style.min_radius_m, config.max_slope)
         disguise = generator(seed, Stream.DISGUISE)
         is_random = bool(disguise.random() < config.random_textures)
         self._disguise = Disguise(disguise) if is_random else None
@@ -119,7 +119,7 @@ class World:
                 set_up_works(stretch)
             for sign in (1, -1):
                 settle(stretch, sign, stretch.land[sign])
-        return self._dressed(self.relief.lifted(finished(stretch)))
+        return self._dressed(self.relief.lifted(join(stretch.parts)))
 
     def _crossing_m(self, index: int) -> float:
         """Where in a stretch a side road crosses, NaN where none does."""
@@ -150,13 +150,8 @@ class World:
         """The plain out to the horizon, and hills or woods that close it."""
         rng = generator(self._seed, Stream.STYLE, 1)
         x, y = self.path.position(middle_s, 0.0)
-        plain = Material(
-            Surface.GROUND,
-            Label.TERRAIN,
-            (0.8, 0.82, 0.85) if self.style.snow else self.style.grass,
-            Texture.SOIL,
-            40.0,
-        )
+        colour = (0.8, 0.82, 0.85) if self.style.snow else self.style.grass
+        plain = Material(Surface.GROUND, Label.TERRAIN, colour, Texture.SOIL, 40.0)
         # Fine enough to follow the relief where it can be seen, a little below it so that it never comes through.
         fall = max(0.0, -self.style.left.bank_m, -self.style.right.bank_m) * 1.6 + 0.7
         place = np.concatenate([[-4000.0, -1500.0], np.linspace(-750, 750, 31), [1500.0, 4000.0]])
@@ -170,8 +165,8 @@ class World:
         ring = np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle)], -1)
         foot = np.concatenate([ring, np.full((181, 1), -5.0)], -1)
         top = np.concatenate([ring * 1.0, crest[:, None]], -1)
-        r, g, b = self.style.foliage if self.style.bare < 0.5 else self.style.twig
-        wood = Material(Surface.FOLIAGE, Label.VEGETATION, (r * 0.8, g * 0.8, b * 0.8), Texture.LEAF, 60.0)
+        colour = self.style.foliage if self.style.bare < 0.5 else self.style.twig
+        wood = Material(Surface.FOLIAGE, Label.VEGETATION, scaled(colour, 0.8), Texture.LEAF, 60.0)
         uv = np.stack(
             [np.tile(angle * radius / 60.0, (2, 1)), np.repeat([[0.0], [1.0]], 181, axis=1) * height / 60], -1
         )

@@ -38,8 +38,9 @@ def echoes(count: int, seed: int, section_m2: float = 1.0) -> Echoes:
 
 
 def unit(**changes: float) -> RadarUnit:
-    quiet = {"missed": 0.0, "clutter": 0.0, "ghosts": 0.0, "interference": 0.0}
-    return replace(draw_radar(RadarConfig(), np.random.default_rng(0)), **{**quiet, **changes})
+    config = RadarConfig(interference=changes.pop("interference", 0.0))
+    quiet = {"missed": 0.0, "clutter": 0.0, "ghosts": 0.0}
+    return replace(draw_radar(config, np.random.default_rng(0)), **{**quiet, **changes})
 
 
 @given(count=st.integers(1, 300), seed=st.integers(0, 2**31))

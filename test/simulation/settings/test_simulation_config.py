@@ -34,7 +34,7 @@ def test_part_of_the_settings_is_enough() -> None:
 @pytest.mark.parametrize(
     ("mapping", "named"),
     [
-        ({"camera": {"width": 2}}, "2 x 448"),
+        ({"camera": {"width": 2}}, "camera.width"),
         ({"camera": {"min_height_m": 2.0, "max_height_m": 1.0}}, "max_height_m"),
         ({"camera": {"min_jpeg_quality": 0}}, "min_jpeg_quality"),
         ({"camera": {"rate_hz": 0}}, "rate_hz"),

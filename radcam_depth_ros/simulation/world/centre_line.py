@@ -1,4 +1,4 @@
-"""The road's centre line: from (distance along, distance to the left) to the world, its headings and its banks."""
+"""The road's centre line: world positions, headings and banks of places along and beside it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DoubleArray = npt.NDArray[np.float64]
 _BANKED_M, _LEVEL_M = 12.0, 60.0
 
 
-class Path:
+class CentreLine:
     """A gently winding line that starts at the world's origin along x.
 
     Positions are given as `s`, metres along the line, and `t`, metres to its left. The road is tilted sideways about
