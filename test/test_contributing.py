@@ -89,6 +89,12 @@ OUTPUT = '''        Output("dummy", "depth/dummy", _IMAGE, _dummy, "The confiden
     )
 }
 """Every output topic, by name."""'''
+OUTPUT_TEST = """from radcam_depth_ros.encoder import OUTPUTS
+
+
+def test_its_name() -> None:
+    assert OUTPUTS["dummy"].topic == "depth/dummy"
+"""
 ENCODER = """def _dummy(given: EncoderInput) -> Any:
     return encode_confidence(given.factory, given.result.confidence, *given.stamp)
 
