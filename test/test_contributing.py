@@ -137,7 +137,7 @@ def run(copy: Path, *command: str) -> str:
     return done.stdout
 
 
-def tests(copy: Path, *arguments: str) -> str:
+def run_tests(copy: Path, *arguments: str) -> str:
     return run(copy, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *arguments)
 
 
@@ -153,8 +153,8 @@ def test_a_network_takes_five_files(copy: Path) -> None:
     (package / "recipes" / "dummy.yaml").write_text("loss:\n  depth: 1.0\n", encoding="utf-8")
     (copy / "test" / "networks" / "test_dummy.py").write_text(NETWORK_TEST, encoding="utf-8")
     assert '"name": "dummy"' in run(copy, "-m", "radcam_depth_ros.cli", "networks", "--json")
-    tests(copy, "test/networks/test_dummy.py", "test/test_architecture.py")
-    out = tests(copy, "test/networks/test_networks.py", "test/training/test_every_network.py", "-k", "dummy")
+    run_tests(copy, "test/networks/test_dummy.py", "test/test_architecture.py")
+    out = run_tests(copy, "test/networks/test_networks.py", "test/training/test_every_network.py", "-k", "dummy")
     assert " passed" in out
 
 
@@ -167,5 +167,5 @@ def test_a_topic_takes_three_files(copy: Path) -> None:
     (copy / "test" / "test_dummy_topic.py").write_text(OUTPUT_TEST, encoding="utf-8")
     run(copy, "scripts/generate_pages.py")
     assert "`depth/dummy`" in (copy / "README.md").read_text(encoding="utf-8")
-    tests(copy, "test/test_dummy_topic.py", "test/test_pipeline.py", "test/test_replay.py", "test/test_architecture.py")
-    tests(copy, "test/node/test_node_life.py", "-k", "publish or topics or depth")
+    run_tests(copy, "test/test_dummy_topic.py", "test/test_pipeline.py", "test/test_replay.py", "test/test_architecture.py")
+    run_tests(copy, "test/node/test_node_life.py", "-k", "publish or topics or depth")
