@@ -13,7 +13,7 @@ def keep_freed_memory() -> None:
     """Lets the C library keep what a frame frees for the next frame.
 
     It hands large blocks back to the system otherwise, which fills them with zeros again, page by page, for each
-    frame's maps: see docs/decisions.md for what that costs.
+    frame's maps.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:

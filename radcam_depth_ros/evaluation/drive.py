@@ -193,11 +193,8 @@ class _DepthSums:
     """Dense depth by range and by distance."""
 
     def __init__(self, ranges: tuple[DepthRange, ...]) -> None:
-        self._ranges, self._bins, self._distances = (
-            DepthAccumulator(ranges),
-            DepthAccumulator(BINS),
-            DistanceAccumulator(),
-        )
+        self._ranges, self._bins = DepthAccumulator(ranges), DepthAccumulator(BINS)
+        self._distances = DistanceAccumulator()
 
     def add(self, depth_m: FloatArray, truth_m: FloatArray) -> npt.NDArray[np.float64]:
         self._bins.add(depth_m, truth_m)

@@ -51,6 +51,11 @@ class DepthSummary:
     bins: tuple[DepthMetrics, ...]
     distances: DistanceCurve
 
+    def as_json(self) -> dict[str, object]:
+        """Each range by its name, the bins, and the curve."""
+        curve = {"step_m": STEP_M, "mae": self.distances.as_json()}
+        return {**_by_name(self.ranges), "by_range": _by_name(self.bins), "by_distance": curve}
+
     def within(self, range_m: float) -> DepthMetrics:
         """The measures within a range.
 
@@ -109,6 +114,7 @@ class Evaluation:
 
     def as_json(self) -> dict[str, object]:
         """Plain values for a JSON file: lengths in metres, shares from 0 to 1, null where there is no number."""
+        dense = self.dense.as_json()
         return {
             "network": self.network,
             "frames": self.frames,
@@ -118,8 +124,8 @@ class Evaluation:
             "given": self.given.as_json(),
             "dense": _by_name(self.dense.ranges),
             "semi_dense": self.semi_dense.as_json(),
-            "by_range": _by_name(self.dense.bins),
-            "by_distance": {"step_m": STEP_M, "mae": self.dense.distances.as_json()},
+            "by_range": dense["by_range"],
+            "by_distance": dense["by_distance"],
             "by_class": _by_name(self.by_class),
             "by_class_group": _by_name(self.by_class_group),
             **{f"by_{grouping.name}": grouping.as_json() for grouping in self.groupings},
@@ -130,12 +136,7 @@ class Evaluation:
         }
 
     def _baseline_json(self, name: str) -> dict[str, object]:
-        depth = self.baselines[name]
-        values: dict[str, object] = {
-            **_by_name(depth.ranges),
-            "by_range": _by_name(depth.bins),
-            "by_distance": {"step_m": STEP_M, "mae": depth.distances.as_json()},
-        }
+        values = self.baselines[name].as_json()
         if name == "ground_nearest":
             values["camera_height_m"] = json_number(self.given.camera_height_m)
             values["camera_height_source"] = self.given.camera_height_source

@@ -1,11 +1,15 @@
-"""Suggested parameters of the node for a bag."""
+"""Suggested parameters of the node for a bag, and their ROS parameter file."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import yaml
+
+from radcam_depth_ros.files import write_text
 from radcam_depth_ros.frame import GroundPlane
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
 from radcam_depth_ros.geometry import TransformTree
@@ -81,3 +85,40 @@ def ground_parameters(ground: GroundPlane) -> dict[str, object]:
         "camera_pitch_deg": math.degrees(-math.asin(forward)),
         "camera_roll_deg": math.degrees(math.atan2(-right, -down)),
     }
+
+
+def write_parameters(path: Path | str, suggestion: Suggestion, source: str) -> None:
+    """Writes a ROS 2 parameter file, whole or not at all, with a comment for each parameter.
+
+    Args:
+        path: The file.
+        suggestion: The parameters.
+        source: The bag that they fit, for the file's first line.
+
+    Raises:
+        RadcamDepthError: for parameters that the node would refuse, or a file that cannot be written.
+    """
+    check_parameters(suggestion.parameters)
+    lines = [f"# Parameters of the node radcam_depth for {source}; all others are in config/node_all.yaml."]
+    lines += ["/**:", "  ros__parameters:"]
+    for setting in suggestion.settings:
+        lines += [f"    # {setting.reason}", f"    {'' if setting.is_needed else '# '}{_entry(setting)}"]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def check_parameters(parameters: Mapping[str, object]) -> None:
+    """Refuses what the node would refuse.
+
+    Raises:
+        RadcamDepthError: for a value that cannot be used, or values that do not fit together.
+    """
+    from radcam_depth_ros.parameters import build_config  # here, since it brings torch
+
+    build_config(parameters)
+
+
+def _entry(setting: Setting) -> str:
+    # A list on one line, as ROS's own parameter files have it; safe_dump would put braces around a single value.
+    style = None if isinstance(setting.value, list) else False
+    text: str = yaml.safe_dump({setting.name: setting.value}, default_flow_style=style, width=10_000)
+    return text.strip()
