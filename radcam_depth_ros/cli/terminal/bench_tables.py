@@ -9,6 +9,7 @@ from rich.console import Console
 from radcam_depth_ros.benchmarking.figures import AgainstFigures, PairFigures, Report, SizeFigures, StageFigures
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT
 from radcam_depth_ros.benchmarking.stages import GFLOP_COUNTING
+from radcam_depth_ros.benchmarking.subject import Size
 from radcam_depth_ros.reporting.terminal import print_table
 
 COLUMNS = ("median ms", "p99 ms", "GFLOP", "of best", "MiB")
@@ -49,13 +50,7 @@ def _print_stages(console: Console, entry: SizeFigures) -> None:
 
 def _print_whole(console: Console, report: Report) -> None:
     rows = tuple(
-        (
-            f"{entry.size.height} x {entry.size.width}",
-            str(entry.size.points),
-            *_cells(entry.whole),
-            f"{1e3 / entry.whole.median_ms:.1f}",
-        )
-        for entry in report.sizes
+        (*_size(entry.size), *_cells(entry.whole), f"{1e3 / entry.whole.median_ms:.1f}") for entry in report.sizes
     )
     note = f"GFLOP: {GFLOP_COUNTING}; MiB: the peak of a process that does nothing else"
     print_table(console, "whole network", ("image", "points", *COLUMNS, "frames/s"), rows, note)
@@ -67,10 +62,8 @@ def _print_against(console: Console, against: AgainstFigures) -> None:
         mine, others = pair.subject, pair.other
         rows.append(
             (
-                f"{mine.size.height} x {mine.size.width}",
-                str(mine.size.points),
-                f"{others.size.height} x {others.size.width}",
-                str(others.size.points),
+                *_size(mine.size),
+                *_size(others.size),
                 *(_number(value) for value in (mine.median_ms, others.median_ms)),
                 *(_number(pair.quantile(share)) for share in (0.5, 0.1, 0.9)),
                 *(_number(value) for value in (mine.peak_memory_mb, others.peak_memory_mb)),
@@ -105,15 +98,16 @@ def _pair_line(pair: PairFigures) -> str:
     return line
 
 
+def _size(size: Size) -> tuple[str, str]:
+    return f"{size.height} x {size.width}", str(size.points)
+
+
 def _cells(figures: StageFigures) -> tuple[str, ...]:
     share = f"{100 * figures.share_of_best:.0f} %" if math.isfinite(figures.share_of_best) else ""
-    return (
-        _number(figures.median_ms),
-        _number(figures.p99_ms),
-        _number(figures.gflop),
-        share,
-        _number(figures.peak_memory_mb),
+    median, p99, gflop, memory = map(
+        _number, (figures.median_ms, figures.p99_ms, figures.gflop, figures.peak_memory_mb)
     )
+    return median, p99, gflop, share, memory
 
 
 def _number(value: float) -> str:

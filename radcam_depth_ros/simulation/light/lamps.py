@@ -77,20 +77,15 @@ def shining_lamps(scene: Scene, light: Light, world_from_camera: RigidTransform)
         found.append(_all_round(scene, shining[label == Label.POLE], np.array(light.street_lamps), eye))
     if light.beam_candela > 0:
         found += [_own(light, world_from_camera), _beams(scene, shining[vehicle], light, eye)]
-    return Lamps(
-        *(
-            np.concatenate([getattr(lamps, part) for lamps in found]).astype(np.float32)
-            for part in ("place", "aim", "power")
-        )
-    )
+    parts = zip(*((lamps.place, lamps.aim, lamps.power) for lamps in found), strict=True)
+    return Lamps(*(np.concatenate(part).astype(np.float32) for part in parts))
 
 
 def _own(light: Light, world_from_camera: RigidTransform) -> Lamps:
     forward = world_from_camera.rotation[:, 2]
     place = world_from_camera.apply(np.array([_OWN_LAMP])).astype(np.float32)
-    return Lamps(
-        place, forward[None].astype(np.float32), np.full((1, 3), 2 * light.beam_candela / FULL_LUX, np.float32)
-    )
+    power = np.full((1, 3), 2 * light.beam_candela / FULL_LUX, np.float32)
+    return Lamps(place, forward[None].astype(np.float32), power)
 
 
 def _all_round(
@@ -107,9 +102,8 @@ def _beams(scene: Scene, faces: npt.NDArray[np.integer], light: Light, eye: Floa
     place, first = _clusters(scene, faces[white], eye, _MOST_BEAMS)
     aim = scene.velocity[first]
     aim = aim / np.maximum(np.linalg.norm(aim, axis=1, keepdims=True), 1e-6)
-    return Lamps(
-        place + aim * np.float32(0.3), aim, np.full((len(place), 3), light.beam_candela / FULL_LUX, np.float32)
-    )
+    power = np.full((len(place), 3), light.beam_candela / FULL_LUX, np.float32)
+    return Lamps(place + aim * np.float32(0.3), aim, power)
 
 
 def _clusters(

@@ -63,8 +63,7 @@ class TextureAtlas:
         rows = max(1, -(-count // width))
         maps = np.zeros((2, rows * width), np.float32)
         maps[0, :count], maps[1, :count] = x, y
-        found = cv2.remap(
-            self._atlas, maps[0].reshape(rows, width), maps[1].reshape(rows, width), cv2.INTER_LINEAR
-        ).reshape(-1, 4)[:count]
+        columns, lines = maps.reshape(2, rows, width)
+        found = cv2.remap(self._atlas, columns, lines, cv2.INTER_LINEAR).reshape(-1, 4)[:count]
         linear = np.square(found.astype(np.float32) * np.float32(1 / 255))
         return linear[:, :3], linear[:, 3]

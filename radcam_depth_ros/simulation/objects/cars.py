@@ -102,12 +102,7 @@ def _shell(shape: _Shape, cabin_share: float, body: Material) -> list[Mesh]:
         (rear + 0.03, belt - 0.05),
         (rear, shape.sill + 0.28),
     ]
-    upper = [
-        (shape.bonnet_x, belt - 0.02),
-        (start, height - 0.05),
-        (end, height - 0.06),
-        (shape.window_end_x, belt),
-    ]
+    upper = [(shape.bonnet_x, belt - 0.02), (start, height - 0.05), (end, height - 0.06), (shape.window_end_x, belt)]
     roof = [
         (start + 0.1, height - 0.09),
         (start - 0.08, height - 0.015),
@@ -129,18 +124,10 @@ def _pillars(shape: _Shape, body: Material) -> Mesh:
     belt, top = shape.belt, shape.height - 0.07
     start, end = shape.roof_start_x, shape.roof_end_x
     middle = start + (end - start) * 0.45
-    faces = [
-        [
-            (low - thickness, side * wide, belt),
-            (low, side * wide, belt),
-            (high, side * narrow, top),
-            (high - thickness, side * narrow, top),
-        ]
-        for low, high, thickness in (
-            (shape.bonnet_x + 0.02, start + 0.02, 0.07),
-            (middle, middle, 0.09),
-            (shape.window_end_x + 0.14, end + 0.1, 0.26),
-        )
-        for side in (-1, 1)
-    ]
+    front, rear = (shape.bonnet_x + 0.02, start + 0.02, 0.07), (shape.window_end_x + 0.14, end + 0.1, 0.26)
+    faces = []
+    for low, high, thickness in (front, (middle, middle, 0.09), rear):
+        for y, upper_y in ((-wide, -narrow), (wide, narrow)):
+            foot, head = [(low - thickness, y, belt), (low, y, belt)], [(high, upper_y, top)]
+            faces.append([*foot, *head, (high - thickness, upper_y, top)])
     return quads(faces, body)

@@ -77,9 +77,8 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     """One mesh of several, in order; of none, an empty one."""
     if not meshes:
         return _from_corners(np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), Material(Surface.METAL, Label.IGNORE))
-    return Mesh(
-        **{field.name: np.concatenate([getattr(mesh, field.name) for mesh in meshes]) for field in fields(Mesh)}
-    )
+    names = [field.name for field in fields(Mesh)]
+    return Mesh(**{name: np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in names})
 
 
 def quads(corners: npt.ArrayLike, material: Material, uv: npt.ArrayLike | None = None) -> Mesh:
@@ -141,12 +140,8 @@ def prism(
     middle = outline[:, 0].mean()
     reach = np.clip(np.abs(outline[:, 0] - middle) / max(np.ptp(outline[:, 0]) / 2, 1e-9), 0, 1) ** 4
     push = -np.sign(outline[:, 0] - middle) * reach * bulge
-    rows = np.stack(
-        [
-            np.column_stack([outline[:, 0] + (push if abs(lane) > 0.9 else 0), lane * half, outline[:, 1]])
-            for lane in lanes
-        ]
-    )
+    x, z = outline.T
+    rows = np.stack([np.column_stack([x + (push if abs(lane) > 0.9 else 0), lane * half, z]) for lane in lanes])
     after = np.roll(rows, -1, axis=1)
     skin = np.stack([rows[:-1], after[:-1], after[1:], rows[1:]], axis=2).reshape(-1, 4, 3)
     caps = []
@@ -178,18 +173,13 @@ def revolved(
     outline = np.asarray(profile, np.float64)
     angle = np.linspace(0, 2 * np.pi, sections + 1)
     ring = np.stack([np.cos(angle), np.sin(angle)], -1)
-    points = np.concatenate(
-        [outline[:, None, :1] * ring[None], np.broadcast_to(outline[:, None, 1:], (len(outline), sections + 1, 1))], -1
-    )
-    slope = np.gradient(outline, axis=0)
-    normal = np.concatenate(
-        [slope[:, None, 1:] * ring[None], np.broadcast_to(-slope[:, None, :1], (len(outline), sections + 1, 1))], -1
-    )
+    slope, shape = np.gradient(outline, axis=0), (len(outline), sections + 1, 1)
+    points = np.concatenate([outline[:, None, :1] * ring[None], np.broadcast_to(outline[:, None, 1:], shape)], -1)
+    normal = np.concatenate([slope[:, None, 1:] * ring[None], np.broadcast_to(-slope[:, None, :1], shape)], -1)
     stretch = np.asarray(scale, np.float64)
     length = 2 * np.pi * outline[:, 0].max() / material.tile_m
-    uv = np.stack(
-        np.broadcast_arrays((angle / (2 * np.pi) * length)[None], (outline[:, 1] / material.tile_m)[:, None]), -1
-    )
+    around, along = (angle / (2 * np.pi) * length)[None], (outline[:, 1] / material.tile_m)[:, None]
+    uv = np.stack(np.broadcast_arrays(around, along), -1)
     return _without_slivers(sheet(points * stretch, material, uv, normal / stretch))
 
 

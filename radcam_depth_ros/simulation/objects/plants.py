@@ -96,11 +96,8 @@ def _leaves(
     normal = outward + 0.35 * rng.standard_normal((count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     shade = np.repeat(rng.uniform(0.6, 1.3, (count, 1)), 2, axis=0)
-    return replace(
-        mesh,
-        normals=np.repeat(np.repeat(normal, 2, axis=0)[:, None], 3, axis=1).astype(np.float32),
-        colour=(mesh.colour * shade).astype(np.float32),
-    )
+    normals = np.repeat(np.repeat(normal, 2, axis=0)[:, None], 3, axis=1).astype(np.float32)
+    return replace(mesh, normals=normals, colour=(mesh.colour * shade).astype(np.float32))
 
 
 def _on_blobs(
@@ -120,14 +117,9 @@ def _broadleaf(rng: np.random.Generator, colour: Colour) -> Plant:
     spread = height * rng.uniform(0.22, 0.34)
     middle = (trunk + height) / 2
     count = int(rng.integers(5, 9))
-    blobs = np.column_stack(
-        [
-            rng.normal(0, spread * 0.45, count),
-            rng.normal(0, spread * 0.45, count),
-            rng.uniform(trunk + spread * 0.3, height - spread * 0.4, count),
-            rng.uniform(0.45, 0.8, count) * spread,
-        ]
-    )
+    x, y = rng.normal(0, spread * 0.45, count), rng.normal(0, spread * 0.45, count)
+    z = rng.uniform(trunk + spread * 0.3, height - spread * 0.4, count)
+    blobs = np.column_stack([x, y, z, rng.uniform(0.45, 0.8, count) * spread])
     blobs[0] = (0, 0, middle, spread * 0.8)
     stem = tube(0.018 * height + 0.05, middle, _bark(rng), 7, 0.05)
     dark = Material(Surface.FOLIAGE, Label.VEGETATION, scaled(colour, 0.45), Texture.LEAF, 1.2)
@@ -147,10 +139,9 @@ def _conifer(rng: np.random.Generator, colour: Colour) -> Plant:
         share = np.floor(share * height / 0.55) * 0.55 / height + rng.normal(0, 0.012, count)
         angle = rng.uniform(0, 2 * np.pi, count)
         reach = spread * (1 - share) * rng.uniform(0.45, 1.05, count)
-        centres = np.column_stack(
-            [reach * np.cos(angle), reach * np.sin(angle), height * (0.1 + 0.9 * share) - 0.25 * reach]
-        )
-        outward = np.column_stack([np.cos(angle), np.sin(angle), np.full(count, 0.5)])
+        cos, sin = np.cos(angle), np.sin(angle)
+        centres = np.column_stack([reach * cos, reach * sin, height * (0.1 + 0.9 * share) - 0.25 * reach])
+        outward = np.column_stack([cos, sin, np.full(count, 0.5)])
         return _leaves(rng, centres, outward, size, _leaf(colour))
 
     return Plant(join([stem, needles(950, 0.24)]), join([stem, needles(190, 0.5)]))
@@ -220,9 +211,8 @@ def _bush(rng: np.random.Generator, colour: Colour, bare: bool) -> Plant:
 
         def stalks(count: int, width: float) -> FloatArray | npt.NDArray[np.floating]:
             base = np.column_stack([rng.normal(0, 0.25 * height, (count, 2)), np.zeros(count)])
-            tip = base * rng.uniform(1.2, 2.2, (count, 1)) + np.column_stack(
-                [rng.normal(0, 0.15, (count, 2)), height * rng.uniform(0.5, 1, count)]
-            )
+            lean = base * rng.uniform(1.2, 2.2, (count, 1))
+            tip = lean + np.column_stack([rng.normal(0, 0.15, (count, 2)), height * rng.uniform(0.5, 1, count)])
             side = np.column_stack([rng.normal(0, width, (count, 2)), np.zeros(count)])
             return np.stack([base - side, base + side, tip + side * 0.4, tip - side * 0.4], 1)
 

@@ -80,12 +80,8 @@ def render(
             more = _Rays.cast(scene, camera, world_from_camera, x + np.float32(dx), y + np.float32(dy))
             total = total + _radiance(scene, more, openness[edges], shader, lamps, rng)
         radiance[edges] = total / (1 + min(edge_samples, len(_SUBPIXELS)))
-    return View(
-        radiance.reshape(height, width, 3),
-        depth,
-        label.reshape(height, width),
-        velocity.reshape(height, width, 3),
-    )
+    shape = (height, width, 3)
+    return View(radiance.reshape(shape), depth, label.reshape(height, width), velocity.reshape(shape))
 
 
 @dataclass(frozen=True)

@@ -61,9 +61,8 @@ def sweep_lidar(
 def _directions(beams: Beams, columns: int, phase: float) -> FloatArray:
     elevation = np.deg2rad(beams.elevations_deg)[:, None]
     azimuth = (np.linspace(-np.pi, np.pi, columns, endpoint=False) + phase)[None]
-    parts = np.broadcast_arrays(
-        np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
-    )
+    flat = np.cos(elevation)
+    parts = np.broadcast_arrays(flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation))
     return np.stack([part.ravel() for part in parts], axis=1).astype(np.float32)
 
 
@@ -73,7 +72,5 @@ def _reflectivity(scene: Scene, face: npt.NDArray[np.int32], wetness: float, cos
     brightness = scene.faces.colour[face].mean(axis=1)
     # A film of water mirrors away what comes flat, and darkens what lies below it.
     film = 1 - np.float32(wetness) * (0.5 + 0.4 * (1 - cosine))
-    return np.asarray(
-        surface_table().lidar[surface] * np.where(painted, 0.35 + brightness, 1) * np.where(soaked, film, 1),
-        np.float32,
-    )
+    share = np.where(painted, 0.35 + brightness, 1)
+    return np.asarray(surface_table().lidar[surface] * share * np.where(soaked, film, 1), np.float32)

@@ -40,9 +40,8 @@ class Optics:
     def through(self, light: FloatArray, rng: np.random.Generator) -> FloatArray:
         """The light (H, W, 3) that reaches the sensor of light (H, W, 3) where 1 is as bright as can be told."""
         height, width = light.shape[:2]
-        small = cv2.resize(
-            np.minimum(light, 60), (-(-width // _COARSE), -(-height // _COARSE)), interpolation=cv2.INTER_AREA
-        )
+        coarse = (-(-width // _COARSE), -(-height // _COARSE))
+        small = cv2.resize(np.minimum(light, 60), coarse, interpolation=cv2.INTER_AREA)
         light = light * self._vignette
         light += self._glared(small, width, height)
         if self._rain > 0:
@@ -55,9 +54,8 @@ class Optics:
             for channel, sign in ((0, 1.0), (2, -1.0)):
                 scale = 1 + sign * self._fringe
                 shrunk = np.array([[scale, 0, (1 - scale) * width / 2], [0, scale, (1 - scale) * height / 2]])
-                light[..., channel] = cv2.warpAffine(
-                    np.ascontiguousarray(light[..., channel]), shrunk, (width, height), borderMode=cv2.BORDER_REPLICATE
-                )
+                plane = np.ascontiguousarray(light[..., channel])
+                light[..., channel] = cv2.warpAffine(plane, shrunk, (width, height), borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(light, np.float32)
 
     def _glared(self, small: FloatArray, width: int, height: int) -> FloatArray:
@@ -137,11 +135,6 @@ def smeared(light: FloatArray, shift_px: FloatArray) -> FloatArray:
     column, row = np.arange(width, dtype=np.float32)[None], np.arange(height, dtype=np.float32)[:, None]
     total = np.zeros_like(light)
     for step in np.linspace(-0.5, 0.5, _SMEAR_STEPS, dtype=np.float32):
-        total += cv2.remap(
-            light,
-            column + step * shift_px[..., 0],
-            row + step * shift_px[..., 1],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
+        x, y = column + step * shift_px[..., 0], row + step * shift_px[..., 1]
+        total += cv2.remap(light, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(total / np.float32(_SMEAR_STEPS), np.float32)

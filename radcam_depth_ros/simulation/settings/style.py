@@ -236,11 +236,8 @@ _USUAL = {
 # How common each kind is where any is asked for.
 _COMMON = {
     StreetKind.TOWN: 0.17,
-    StreetKind.RESIDENTIAL: 0.16,
-    StreetKind.ARTERIAL: 0.16,
-    StreetKind.RURAL: 0.16,
-    StreetKind.HIGHWAY: 0.10,
-    StreetKind.JUNCTION: 0.10,
+    **dict.fromkeys((StreetKind.RESIDENTIAL, StreetKind.ARTERIAL, StreetKind.RURAL), 0.16),
+    **dict.fromkeys((StreetKind.HIGHWAY, StreetKind.JUNCTION), 0.10),
     StreetKind.CAR_PARK: 0.06,
     StreetKind.TUNNEL: 0.03,
     StreetKind.CONSTRUCTION: 0.06,

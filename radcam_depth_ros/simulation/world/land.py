@@ -66,9 +66,8 @@ def _houses(stretch: Stretch, sign: int) -> None:
         length, depth = rng.uniform(8, 14), rng.uniform(8, 12)
         if not stretch.crosses(s, s + length):
             house = buildings.house(rng, length, depth)
-            stretch.place_facing_road(
-                house, sign, _along(stretch, sign, s, length), setback * rng.uniform(0.9, 1.3), depth
-            )
+            outwards = setback * rng.uniform(0.9, 1.3)
+            stretch.place_facing_road(house, sign, _along(stretch, sign, s, length), outwards, depth)
         s += length + rng.uniform(3, 12)
     _boundary(stretch, sign)
     lay_driveways(stretch, sign)

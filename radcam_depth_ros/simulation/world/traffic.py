@@ -123,16 +123,10 @@ class Traffic:
                 ahead = rng.uniform(5.5, 14.0) if self._near else 9.0 + rng.gamma(1.2, headway_m / 2)
                 place = ahead + half
             if not (style.waiting and self._blocks_crossing(place, half)):
-                self._movers.append(
-                    Mover(
-                        poses=(vehicle.mesh,),
-                        cycle_m=1.0,
-                        s=self._following(place) if own else _steady(place, speed),
-                        t=_steady(style.lane_centre_m(lane) + rng.normal(0, 0.18), 0.0),
-                        height_m=0.0,
-                        yaw=(np.pi if oncoming else 0.0) + rng.normal(0, 0.012),
-                    )
-                )
+                along = self._following(place) if own else _steady(place, speed)
+                across = _steady(style.lane_centre_m(lane) + rng.normal(0, 0.18), 0.0)
+                yaw = (np.pi if oncoming else 0.0) + rng.normal(0, 0.012)
+                self._movers.append(Mover((vehicle.mesh,), 1.0, along, across, 0.0, yaw))
             place += half + gap
 
     def _stands_in(self, lane: int) -> bool:
@@ -200,16 +194,10 @@ class Traffic:
                     # Two in seven are not alone.
                     for _ in range(pick(rng, (1, 2, 3, 4), (0.72, 0.18, 0.06, 0.04))):
                         out = first + rng.normal(0, 0.35)
-                        self._movers.append(
-                            Mover(
-                                pick(rng, self._library.walkers),
-                                DOUBLE_STEP_M,
-                                _steady(place, speed),
-                                _steady(sign * (edge + max(out, 0.3)), 0.0),
-                                style.kerb_m if side.walk_m > 0 else 0.0,
-                                0.0 if forwards else np.pi,
-                            )
-                        )
+                        poses, across = pick(rng, self._library.walkers), _steady(sign * (edge + max(out, 0.3)), 0.0)
+                        along, yaw = _steady(place, speed), 0.0 if forwards else np.pi
+                        height_m = style.kerb_m if side.walk_m > 0 else 0.0
+                        self._movers.append(Mover(poses, DOUBLE_STEP_M, along, across, height_m, yaw))
                         place += pick(rng, (-1.0, 1.0)) * rng.uniform(0.5, 1.0)
             if rng.random() < 0.7 * people and not lot and not style.askew_rad:
                 self._fill_cyclists(rng, sign, edge)
