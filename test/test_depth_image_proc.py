@@ -23,7 +23,7 @@ from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.weights_io.archive import Archive, Card
 from radcam_depth_ros.pipeline import Pipeline
 from radcam_depth_ros.simulation.objects.scene import Scene
-from radcam_depth_ros.simulation.recording import Drive
+from radcam_depth_ros.simulation.recording import SimulatedDrive
 from radcam_depth_ros.simulation.sensors import rig
 
 FOCAL = 315.0
@@ -68,7 +68,7 @@ class GivesDepth(nn.Module):
 
 @pytest.fixture(scope="module")
 def sight() -> Sight:
-    drive = Drive(simulation.SimulationConfig(world=WORLD), seed=4, frames=1)
+    drive = SimulatedDrive(simulation.SimulationConfig(world=WORLD), seed=4, frames=1)
     world_from_camera = drive.world.ego.motion(1.0).world_from_base @ drive.rig.footprint_from(rig.CAMERA)
     return Sight(drive.world.scene_at(1.0), world_from_camera)
 

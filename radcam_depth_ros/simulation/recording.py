@@ -15,7 +15,7 @@ from radcam_depth_ros.simulation.light.shading import Shader
 from radcam_depth_ros.simulation.objects.scene import Scene
 from radcam_depth_ros.simulation.sensors import rig as frames_of
 from radcam_depth_ros.simulation.sensors.camera import render
-from radcam_depth_ros.simulation.sensors.lens import Lens
+from radcam_depth_ros.simulation.sensors.lens import CameraOptics
 from radcam_depth_ros.simulation.sensors.lidar import sweep_lidar
 from radcam_depth_ros.simulation.sensors.lidar_unit import draw_beams
 from radcam_depth_ros.simulation.sensors.optics import motion_field
@@ -26,7 +26,7 @@ from radcam_depth_ros.simulation.settings.configuration import SimulationConfig
 from radcam_depth_ros.simulation.settings.errors import SimulationError
 from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 from radcam_depth_ros.simulation.timetable import LEAD_S, Event, Sensor, draw_timetable
-from radcam_depth_ros.simulation.world.ego import Motion
+from radcam_depth_ros.simulation.world.ego import EgoMotion
 from radcam_depth_ros.simulation.world.path import DoubleArray
 from radcam_depth_ros.simulation.world.world import World
 
@@ -62,10 +62,10 @@ def simulate(
     if frames < 1:
         raise SimulationError(f"a drive needs at least 1 frame, got {frames}")
     with BagWriter(out, latched=("/tf_static", "/scenario"), overwrite=overwrite) as writer:
-        Drive(config, seed, frames).record(writer, progress)
+        SimulatedDrive(config, seed, frames).record(writer, progress)
 
 
-class Drive:
+class SimulatedDrive:
     """A world with the sensors that are driven through it."""
 
     def __init__(self, config: SimulationConfig, seed: int, frames: int) -> None:
@@ -80,7 +80,7 @@ class Drive:
         low, high = config.camera.min_jpeg_quality, config.camera.max_jpeg_quality
         self._quality = low + int(float(lens.random()) * (high - low + 0.999))
         light = self.world.light
-        self._lens = Lens(lens, self.rig.camera.width, self.rig.camera.height, light.rain, light.random)
+        self._lens = CameraOptics(lens, self.rig.camera.width, self.rig.camera.height, light.rain, light.random)
         self._shader = Shader(
             generator(seed, Stream.LENS, 1), self.world.atlas, self.world.light, self.world.style.wetness
         )
@@ -106,7 +106,7 @@ class Drive:
         """The stamp of a time in the drive."""
         return round(self.config.start_s * 1_000_000_000) + round((time_s - LEAD_S) * 1_000_000_000)
 
-    def _at(self, event: Event, frame: str) -> tuple[Scene, Motion, RigidTransform]:
+    def _at(self, event: Event, frame: str) -> tuple[Scene, EgoMotion, RigidTransform]:
         scene, motion = self.world.scene_at(event.time_s), self.world.ego.motion(event.time_s)
         return scene, motion, motion.world_from_base @ self.rig.footprint_from(frame)
 

@@ -12,7 +12,7 @@ from radcam_depth_ros.simulation.objects.mesh import Mesh, ball, box, join
 POSES = 6
 """Poses of one double step."""
 
-STEP_M = 1.5
+STRIDE_M = 1.5
 """Metres walked in one double step."""
 
 

@@ -32,7 +32,7 @@ _SUBPIXELS = (
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """One picture before development.
 
     Attributes:
@@ -55,7 +55,7 @@ def render(
     shader: Shader,
     edge_samples: int,
     rng: np.random.Generator,
-) -> View:
+) -> CameraView:
     """Renders a view; the camera's axes are x right, y down, z forward."""
     height, width = camera.height, camera.width
     column, row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
@@ -80,7 +80,7 @@ def render(
             more = _Rays.cast(scene, camera, world_from_camera, x + np.float32(dx), y + np.float32(dy))
             total = total + _radiance(scene, more, openness[edges], shader, lamps, rng)
         radiance[edges] = total / (1 + min(edge_samples, len(_SUBPIXELS)))
-    return View(
+    return CameraView(
         radiance.reshape(height, width, 3),
         depth,
         label.reshape(height, width),

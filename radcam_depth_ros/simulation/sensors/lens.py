@@ -15,7 +15,7 @@ _DAY = 0.3
 _LONGEST_S, _MOST_GAIN = 1 / 60, 8.0
 
 
-class Lens:
+class CameraOptics:
     """The optics, sensor and processing of one camera, drawn once; frames differ by exposure control and noise."""
 
     def __init__(

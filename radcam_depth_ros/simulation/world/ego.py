@@ -16,7 +16,7 @@ _DERIVATIVE_S = 1e-3
 
 
 @dataclass(frozen=True)
-class Motion:
+class EgoMotion:
     """The state of the vehicle's footprint frame at one time.
 
     Attributes:
@@ -83,13 +83,13 @@ class EgoDrive:
         place = np.array([float(x), float(y), float(self._relief.height(float(x), float(y)) + self._path.camber(s, t))])
         return RigidTransform(_rotation(yaw, pitch, roll), place)
 
-    def motion(self, time: float) -> Motion:
+    def motion(self, time: float) -> EgoMotion:
         """Pose and velocities at a time, seconds."""
         before, now, after = (self.world_from_base(time + step) for step in (-_DERIVATIVE_S, 0.0, _DERIVATIVE_S))
         velocity = (after.translation - before.translation) / (2 * _DERIVATIVE_S)
         turn = (after.rotation @ before.rotation.T) / (2 * _DERIVATIVE_S)
         rate = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
-        return Motion(now, velocity, rate)
+        return EgoMotion(now, velocity, rate)
 
 
 def _rotation(yaw: float, pitch: float, roll: float) -> DoubleArray:

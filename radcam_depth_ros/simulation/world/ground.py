@@ -10,7 +10,7 @@ from radcam_depth_ros.simulation.objects import furniture
 from radcam_depth_ros.simulation.objects.mesh import sheet
 from radcam_depth_ros.simulation.settings.configuration import Season, StreetKind
 from radcam_depth_ros.simulation.settings.style import Colour, Land
-from radcam_depth_ros.simulation.world.street import LAND_REACH_M, STEP_M, Stretch
+from radcam_depth_ros.simulation.world.street import LAND_REACH_M, STATION_STEP_M, Stretch
 
 
 def lay_ground(stretch: Stretch) -> None:
@@ -110,7 +110,7 @@ def _land_surface(stretch: Stretch, sign: int, material: Material) -> None:
     near = [-0.3, 0.9, 1.5, 2.0, 2.8, 3.4, 4.2] if side.ditch_m > 0 else [-0.3, 1.0, 3.0]
     reach = np.array([*near, 6.0, 10.0, 16.0, 25.0, 38.0, 52.0, 70.0, LAND_REACH_M])
     for start, stop in stretch.spans:
-        s = np.linspace(start, stop, max(2, int((stop - start) / STEP_M) + 1))
+        s = np.linspace(start, stop, max(2, int((stop - start) / STATION_STEP_M) + 1))
         along, outwards = np.meshgrid(s, reach, indexing="ij")
         z = _land_height(stretch, sign, along, outwards)
         stretch.grid(s, sign * (edge + side.land_m + reach), z, material)

@@ -21,7 +21,7 @@ STRETCH_M = 50.0
 LAND_REACH_M = 90.0
 """How far the land beside the road is modelled."""
 
-STEP_M = 5.0
+STATION_STEP_M = 5.0
 """Between the rows of what is laid along the road."""
 
 _PIECE_M = 6.25
@@ -162,7 +162,7 @@ class Stretch:
         """A band along the road between two offsets, at one height or rising from the first to the second."""
         first = self.start_m if start is None else start
         last = self.stop_m if stop is None else stop
-        s = np.linspace(first, last, max(2, int(np.ceil((last - first) / STEP_M)) + 1))
+        s = np.linspace(first, last, max(2, int(np.ceil((last - first) / STATION_STEP_M)) + 1))
         heights = np.broadcast_to(np.asarray(z, np.float64), (2,))
         self.grid(s, np.array([t0, t1]), np.broadcast_to(heights, (len(s), 2)), material)
 

@@ -10,7 +10,7 @@ import numpy as np
 from radcam_depth_ros.simulation.objects.animals import AnimalKind
 from radcam_depth_ros.simulation.objects.library import Library
 from radcam_depth_ros.simulation.objects.mesh import Mesh
-from radcam_depth_ros.simulation.objects.people import STEP_M
+from radcam_depth_ros.simulation.objects.people import STRIDE_M
 from radcam_depth_ros.simulation.settings.configuration import StreetKind, WorldConfig
 from radcam_depth_ros.simulation.settings.style import StreetStyle
 from radcam_depth_ros.simulation.world.ego import EgoDrive
@@ -206,7 +206,7 @@ class Traffic:
                         self._movers.append(
                             Mover(
                                 self._library.draw_walker(rng).poses,
-                                STEP_M,
+                                STRIDE_M,
                                 _steady(place, speed),
                                 _steady(sign * (edge + max(out, 0.3)), 0.0),
                                 style.kerb_m if side.walk_m > 0 else 0.0,
@@ -224,7 +224,7 @@ class Traffic:
         rate = min(style.people_per_100m * people, 8.0) / 100 * 0.5
         for _ in range(int(rng.poisson(rate * (reach + 120)))):
             poses = self._library.draw_walker(rng).poses
-            self._cross(rng, poses, STEP_M, float(rng.uniform(0.8, 1.9)), reach)
+            self._cross(rng, poses, STRIDE_M, float(rng.uniform(0.8, 1.9)), reach)
         wild = 0.25 if style.kind is StreetKind.RURAL else 0.06
         if style.kind is not StreetKind.HIGHWAY and rng.random() < wild * people:
             kinds = list(AnimalKind) if style.kind is StreetKind.RURAL else [AnimalKind.DOG]

@@ -21,7 +21,7 @@ from radcam_depth_ros.simulation.light.light import Light, draw_light
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface
 from radcam_depth_ros.simulation.objects.mesh import box, join, quads
 from radcam_depth_ros.simulation.objects.scene import Scene
-from radcam_depth_ros.simulation.sensors.lens import Lens
+from radcam_depth_ros.simulation.sensors.lens import CameraOptics
 from radcam_depth_ros.simulation.sensors.optics import motion_field, smeared
 from radcam_depth_ros.simulation.sensors.rig import draw_rig
 
@@ -137,7 +137,7 @@ def test_any_lens_gives_a_picture(seed: int, rain: float, odd: bool) -> None:
     rng = np.random.default_rng(seed)
     radiance = rng.random((48, 80, 3)).astype(np.float32) * np.linspace(0.02, 2, 80, dtype=np.float32)[:, None]
     radiance[10, 10] = 300.0
-    picture = Lens(rng, 80, 48, rain, odd).develop(radiance, rng, np.full((48, 80, 2), 200.0, np.float32))
+    picture = CameraOptics(rng, 80, 48, rain, odd).develop(radiance, rng, np.full((48, 80, 2), 200.0, np.float32))
     assert picture.shape == (48, 80, 3)
     assert picture.std() > 3
 

@@ -20,7 +20,7 @@ from radcam_depth_ros.simulation.objects.mesh import Mesh, ball, box, join, pris
 from radcam_depth_ros.simulation.objects.plants import PlantKind, build_plant
 from radcam_depth_ros.simulation.objects.vehicle_parts import VehicleKind
 from radcam_depth_ros.simulation.objects.vehicles import build_vehicle, with_lamps_off
-from radcam_depth_ros.simulation.sensors.lens import Lens
+from radcam_depth_ros.simulation.sensors.lens import CameraOptics
 from radcam_depth_ros.simulation.sensors.rig import CAMERA, draw_rig
 from radcam_depth_ros.simulation.settings.style import draw_style
 from radcam_depth_ros.simulation.world.ego import EgoDrive
@@ -151,7 +151,7 @@ def test_the_atlas_gives_the_tiles_mean_from_far_away() -> None:
 def test_exposure_brings_any_light_into_the_picture(seed: int) -> None:
     rng = np.random.default_rng(seed)
     radiance = (rng.random((48, 64, 3)) * 10 ** rng.uniform(-3, 3)).astype(np.float32)
-    picture = Lens(rng, 64, 48).develop(radiance, rng)
+    picture = CameraOptics(rng, 64, 48).develop(radiance, rng)
     assert picture.shape == (48, 64, 3)
     assert 15 < picture.mean() < 250
 
