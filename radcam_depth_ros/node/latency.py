@@ -1,4 +1,4 @@
-"""How long frames take from the image's arrival to their depth, and in which parts; as numbers and as topics."""
+"""Measures each frame's latency from the image's arrival to its depth, in parts, and publishes it."""
 
 from __future__ import annotations
 

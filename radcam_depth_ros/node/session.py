@@ -1,4 +1,4 @@
-"""What lives while the node is active: subscriptions, pairing, the worker, and what they count."""
+"""Holds everything that lives while the node is active: subscriptions, pairing, the worker, and counters."""
 
 from __future__ import annotations
 

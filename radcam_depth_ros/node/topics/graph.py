@@ -1,4 +1,4 @@
-"""What the ROS graph has for an input: its publishers, and where else messages of its type come from."""
+"""Queries of the ROS graph for an input: its publishers, and other topics of its type."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the node subscribes to, and with which quality of service."""
+"""Subscriptions of the node, with their quality of service."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the node publishes, and with which quality of service."""
+"""Publishers of the node, with their quality of service."""
 
 from __future__ import annotations
 
