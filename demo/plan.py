@@ -10,9 +10,9 @@ import yaml
 from radcam_depth_ros.bags import BagReader, SensorTopics, find_topics, read_static_transforms
 from radcam_depth_ros.geometry import TransformTree, ground_plane
 from radcam_depth_ros.inspection import extrinsic_parameters, ground_parameters, topic_parameters
+from radcam_depth_ros.parameters import NODE_NAME
 
 FOOTPRINT_FRAME = "base_footprint"  # REP 105
-NODE_NAME = "radcam_depth"
 
 
 @dataclass(frozen=True)

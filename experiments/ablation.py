@@ -39,6 +39,7 @@ from experiments.adjusted import adjusted
 from experiments.forms import EMBEDDING, FORMS, REGIONS, Form, forms_of
 from experiments.short_training import Budget, ShortTraining
 from experiments.thinned_bags import thinned_bags
+from radcam_depth_ros.bags import find_bags
 from radcam_depth_ros.benchmarking.rotation import Schedule, in_rotation
 from radcam_depth_ros.benchmarking.stages import Stage, dissect
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
@@ -51,7 +52,6 @@ from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.data.batches import SampleSet, collate
 from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
 from radcam_depth_ros.training.data.samples import TrainingSample
-from radcam_depth_ros.training.drives import find_bags
 
 ERRORS = tuple(f"{measure}_{range_m}" for measure in ("mae", "rmse") for range_m in (50, 70, 80))
 SUMMARY = (*ERRORS, "coverage", "semi_dense_mae")

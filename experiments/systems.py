@@ -23,6 +23,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
+from radcam_depth_ros.bags import find_bags
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, in_rotation
 from radcam_depth_ros.benchmarking.stages import count_gflop
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
@@ -34,7 +35,6 @@ from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation
 from radcam_depth_ros.frame import Frame
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.weights_io import archive
-from radcam_depth_ros.training.drives import find_bags
 
 REFERENCE = "baff"
 """Whose time is 1."""

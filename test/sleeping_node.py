@@ -46,8 +46,14 @@ class Sleeper:
     def describe(self) -> str:
         return "a sleeper"
 
-    def estimate(self, frame: Frame, *, classes: bool) -> DepthResult:
+    def prepare(self, frame: Frame) -> Any:
+        return SimpleNamespace(frame=frame, radar=frame.radar.xyz_m)
+
+    def run(self, inputs: Any) -> None:
         self._nap("inference")
+
+    def finish(self, inputs: Any, depths: None, *, classes: bool) -> DepthResult:
+        frame = inputs.frame
         dense = np.ones(frame.image.shape[:2], np.float32)
         return DepthResult(frame.stamp_ns, frame.frame_id, frame.camera, dense, dense, dense, len(frame.radar), None)
 

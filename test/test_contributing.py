@@ -167,5 +167,7 @@ def test_a_topic_takes_three_files(copy: Path) -> None:
     (copy / "test" / "test_dummy_topic.py").write_text(OUTPUT_TEST, encoding="utf-8")
     run(copy, "scripts/generate_pages.py")
     assert "`depth/dummy`" in (copy / "README.md").read_text(encoding="utf-8")
-    run_tests(copy, "test/test_dummy_topic.py", "test/test_pipeline.py", "test/test_replay.py", "test/test_architecture.py")
+    run_tests(
+        copy, "test/test_dummy_topic.py", "test/test_pipeline.py", "test/test_replay.py", "test/test_architecture.py"
+    )
     run_tests(copy, "test/node/test_node_life.py", "-k", "publish or topics or depth")

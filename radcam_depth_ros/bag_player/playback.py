@@ -26,7 +26,7 @@ from radcam_depth_ros.bag_player.player import (
 from radcam_depth_ros.bags import BagReader, TopicInfo
 from radcam_depth_ros.frame import RadcamDepthError
 
-NODE_NAME = "radcam_depth_player"
+PLAYER_NODE = "radcam_depth_player"
 _QUEUE_DEPTH = 10
 _LATCHED_DEPTH = 1000
 """Every broadcaster of fixed transforms sends a message of its own, and a late subscriber needs them all."""
@@ -141,7 +141,7 @@ class Playback:
             progress: Called after each message.
         """
         options = self._options
-        with BagReader(self._path) as reader, ros_node(NODE_NAME) as node:
+        with BagReader(self._path) as reader, ros_node(PLAYER_NODE) as node:
             player = Player(node, self.topics, options.rate, clock=options.clock)
             time.sleep(options.delay_s)
             for number in itertools.count(1):

@@ -5,6 +5,7 @@ from radcam_depth_ros.bags.headers import Header, header_stamp_ns, read_header
 from radcam_depth_ros.bags.message_factory import RosbagsFactory, factory
 from radcam_depth_ros.bags.reader import BagMessage, BagReader, TopicInfo
 from radcam_depth_ros.bags.scenario import SCENARIO_TOPIC, read_scenario
+from radcam_depth_ros.bags.search import find_bags
 from radcam_depth_ros.bags.topics import SensorTopics, find_topics
 from radcam_depth_ros.bags.transforms import read_static_transforms
 from radcam_depth_ros.bags.writer import BagWriter
@@ -20,6 +21,7 @@ __all__ = [
     "SensorTopics",
     "TopicInfo",
     "factory",
+    "find_bags",
     "find_topics",
     "header_stamp_ns",
     "read_header",

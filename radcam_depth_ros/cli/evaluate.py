@@ -208,9 +208,8 @@ def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | 
     Raises:
         RadcamDepthError: for a place without bags, or a bag that lacks a sensor or has no ground truth.
     """
-    from radcam_depth_ros.bags import BagReader, read_scenario
+    from radcam_depth_ros.bags import BagReader, find_bags, read_scenario
     from radcam_depth_ros.evaluation.metrics import EvaluationError
-    from radcam_depth_ros.training.drives import find_bags
 
     bags = find_bags(places)
     names = [bag.stem if bag.is_file() else bag.name for bag in bags]

@@ -208,9 +208,9 @@ def _figures(result: ValidationResult) -> str:
 
 def _new_plan(asked: _Request) -> RunPlan:
     from radcam_depth_ros import configuration
+    from radcam_depth_ros.bags import find_bags
     from radcam_depth_ros.networks import registry
     from radcam_depth_ros.networks.weights_io import archive
-    from radcam_depth_ros.training.drives import find_bags
     from radcam_depth_ros.training.errors import TrainingError
     from radcam_depth_ros.training.losses.registry import Criterion
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan

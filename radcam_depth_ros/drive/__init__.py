@@ -1,4 +1,4 @@
-"""A bag as frames with ground truth: one path for simulated, imported and recorded drives.
+"""Reads a bag as frames with ground truth: one path for simulated, imported and recorded drives.
 
 Frames come from the same decode and pair as in the live node. Ground truth is the exact depth image of a simulator, the
 LiDAR scan nearest to the image, or many scans before and after it. Scans are moved to the image's time where the bag

@@ -1,4 +1,4 @@
-"""Many LiDAR scans as one depth image (d_acc of [Electronics2025] and [Singh2023]).
+"""Accumulates many LiDAR scans into one depth image (d_acc of [Electronics2025] and [Singh2023]).
 
 Scans before and after an image are moved to its time by the vehicle's motion. Left out is what moved, what the scan of
 the image's time contradicts, and what shows through the gaps between nearer points. Where several points fall on a

@@ -1,4 +1,4 @@
-"""Whether a bag's sensors keep one time, and why images found nothing beside them."""
+"""Compares the clocks of a bag's sensors, and explains why images found no sweep or scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground truth from a LiDAR: scans moved to the images' time where the bag tells the motion, else as they lie."""
+"""Ground truth from LiDAR scans, moved to the images' time where the bag has the vehicle's motion."""
 
 from __future__ import annotations
 

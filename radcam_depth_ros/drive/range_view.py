@@ -1,4 +1,4 @@
-"""What one LiDAR scan saw in each direction: the range of its returns on a grid of azimuth and elevation."""
+"""Range image of one LiDAR scan on a grid of azimuth and elevation."""
 
 from __future__ import annotations
 

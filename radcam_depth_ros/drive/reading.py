@@ -1,4 +1,4 @@
-"""Reading a bag's frames with their ground truth."""
+"""Reads a bag's frames with their ground truth."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def read_samples(
     Args:
         path: A rosbag2 folder or .mcap file.
         settings: How to read it.
-        warn: Told, in a sentence each, of what the bag lacks but can be done without; a `DriveWarning` by default.
+        warn: Called with a sentence for each optional thing that the bag lacks; a `DriveWarning` by default.
 
     Raises:
         RadcamDepthError: when the bag lacks what a frame needs, or holds a message that cannot be used; at the end, or

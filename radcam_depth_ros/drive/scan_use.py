@@ -1,4 +1,4 @@
-"""How LiDAR scans became ground truth: moved to their image's time, as they lie, or left out."""
+"""Records how LiDAR scans became ground truth: moved to their image's time, as they lie, or left out."""
 
 from __future__ import annotations
 

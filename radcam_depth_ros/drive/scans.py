@@ -1,4 +1,4 @@
-"""The LiDAR scans of some seconds before and after an image, each with its place in the world."""
+"""Holds the LiDAR scans of some seconds before and after an image, each with its pose in the world."""
 
 from __future__ import annotations
 

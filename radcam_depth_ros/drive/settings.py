@@ -1,4 +1,4 @@
-"""How a bag is read."""
+"""Settings for reading a bag: topics, ground truth, accumulation of scans."""
 
 from __future__ import annotations
 

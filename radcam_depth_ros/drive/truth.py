@@ -1,4 +1,4 @@
-"""What is known of the true depth of a bag's images."""
+"""Ground truth of a bag's images: exact depth images, LiDAR scans, or both."""
 
 from __future__ import annotations
 

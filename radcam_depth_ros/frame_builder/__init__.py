@@ -1,4 +1,4 @@
-"""Messages -> Frame: decodes what comes, pairs images with radar sweeps, and brings all into the camera's frame."""
+"""Builds frames from messages: decodes, pairs images with radar sweeps, transforms into the camera's frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes messages as they come and gives frames."""
+"""Builds frames from the messages of camera, radars, transforms and odometry."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from radcam_depth_ros.frame import GroundPlane
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
 from radcam_depth_ros.geometry import TransformTree
 
-COMPRESSED = "sensor_msgs/msg/CompressedImage"
+COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Suggestion:
 
 def topic_parameters(image: str, image_type: str, camera_info: str, radars: Sequence[str]) -> dict[str, object]:
     """The parameters that name the topics of a bag."""
-    is_compressed, base = image_type == COMPRESSED, image.removesuffix(COMPRESSED_SUFFIX)
+    is_compressed, base = image_type == COMPRESSED_TYPE, image.removesuffix(COMPRESSED_SUFFIX)
     return {
         "image_topic": base if is_compressed else image,
         "image_transport": "raw" if not is_compressed else "compressed_topic" if base == image else "compressed",

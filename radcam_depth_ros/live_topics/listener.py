@@ -21,7 +21,7 @@ from radcam_depth_ros.bags import TopicInfo
 from radcam_depth_ros.frame import RadcamDepthError
 
 FoundT = TypeVar("FoundT")
-NODE_NAME = "radcam_depth_listener"
+LISTENER_NODE = "radcam_depth_listener"
 _QUEUE_DEPTH = 10
 _LATCHED_DEPTH = 1000
 _STEP_S = 0.05
@@ -94,7 +94,9 @@ class Listener:
         """What others publish now, of types that are installed here; `count` is of the publishers."""
         found = []
         for name, types in self._node.get_topic_names_and_types():
-            publishers = [info for info in self._node.get_publishers_info_by_topic(name) if info.node_name != NODE_NAME]
+            publishers = [
+                info for info in self._node.get_publishers_info_by_topic(name) if info.node_name != LISTENER_NODE
+            ]
             if len(types) != 1 or not publishers or why_not(types[0]):
                 continue
             offers = [info.qos_profile for info in publishers]
@@ -189,7 +191,7 @@ class Listener:
 @contextmanager
 def listener(options: ListenOptions) -> Iterator[Listener]:
     """A listener in a ROS context of its own; Ctrl-C stays Python's."""
-    with ros_node(NODE_NAME) as node:
+    with ros_node(LISTENER_NODE) as node:
         executor = SingleThreadedExecutor(context=node.context)
         executor.add_node(node)
         try:

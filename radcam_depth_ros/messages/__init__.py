@@ -1,4 +1,4 @@
-"""Messages to values and back.
+"""Decodes and encodes ROS messages.
 
 Reading takes any object with the ROS attribute names, of rclpy and of rosbags alike; writing goes through a
 `MessageFactory`. Neither library is imported.

@@ -1,4 +1,4 @@
-"""Reading a CameraInfo: the ideal camera, and how the published image differs from it."""
+"""Decodes CameraInfo: the ideal camera, and the distortion of the published image."""
 
 from __future__ import annotations
 

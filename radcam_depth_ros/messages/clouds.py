@@ -1,4 +1,4 @@
-"""Reading point clouds: columns by name, whatever the layout, and the points of a LiDAR."""
+"""Decodes point clouds: columns by name in any layout, and the points of a LiDAR."""
 
 from __future__ import annotations
 

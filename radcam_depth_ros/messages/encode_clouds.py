@@ -1,4 +1,4 @@
-"""Writing point clouds: depth as coloured points, and columns of any kind."""
+"""Encodes point clouds: depth as coloured points, and arbitrary columns."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def encode_cloud(
         stamp_ns: Nanoseconds.
         frame_id: The camera's optical frame.
         stride: Every so many columns and rows give points, those in the middle of each such square.
-        near_m: What is nearer gives no point.
-        far_m: What is further gives no point, nor does +inf.
+        near_m: Minimum depth of a point.
+        far_m: Maximum depth of a point; +inf gives none.
 
     Raises:
         MessageError: when the sizes of depth, image and camera differ, or for a stride below 1.

@@ -1,4 +1,4 @@
-"""Writing images: depth, confidence, preview, colour, and the CameraInfo beside them."""
+"""Encodes images: depth, confidence, preview, colour, and the CameraInfo beside them."""
 
 from __future__ import annotations
 
@@ -90,8 +90,8 @@ def colorise(depth: FloatArray, near_m: float, far_m: float, colormap: str = "tu
 
     Args:
         depth: (H, W) float32 metres.
-        near_m: What is nearer has the nearest colour.
-        far_m: What is further, +inf too, has the furthest colour.
+        near_m: Depth of the nearest colour; smaller depths have it too.
+        far_m: Depth of the farthest colour; larger depths, +inf included, have it too.
         colormap: One of `COLORMAPS`.
 
     Returns:

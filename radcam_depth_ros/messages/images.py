@@ -1,4 +1,4 @@
-"""Reading images: colour, compressed, depth and class images."""
+"""Decodes images: colour, compressed, depth and class images."""
 
 from __future__ import annotations
 

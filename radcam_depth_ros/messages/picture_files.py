@@ -1,4 +1,4 @@
-"""What a JPEG or PNG says of its size, read before it is decoded: a file of a kilobyte may claim gigabytes."""
+"""Reads the size of a JPEG or PNG before it is decoded: a file of a kilobyte may claim gigabytes."""
 
 from __future__ import annotations
 

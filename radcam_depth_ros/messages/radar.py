@@ -1,4 +1,4 @@
-"""Reading radar point clouds of any driver: fields by alias, cartesian or polar positions, any form of Doppler."""
+"""Decodes radar point clouds of any driver: fields by alias, cartesian or polar positions, any form of Doppler."""
 
 from __future__ import annotations
 

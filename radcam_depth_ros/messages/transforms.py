@@ -1,4 +1,4 @@
-"""Reading and writing transforms and odometry."""
+"""Decodes and encodes transforms and odometry."""
 
 from __future__ import annotations
 

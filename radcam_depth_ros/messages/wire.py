@@ -1,4 +1,4 @@
-"""What all messages share: the error, the header, the bytes of `data`, and how messages are built.
+"""Parts common to all messages: the error, the header, the bytes of `data`, and the message factory.
 
 Messages are any objects with the ROS attribute names, those of rclpy and those of rosbags alike; neither is imported.
 """

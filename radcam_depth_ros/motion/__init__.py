@@ -1,4 +1,4 @@
-"""How the vehicle moved, from its odometry or from /tf, and where that leaves what a radar saw a moment ago."""
+"""Motion of the vehicle from odometry or /tf, and compensation of radar returns for it."""
 
 from radcam_depth_ros.motion.links import Memory
 from radcam_depth_ros.motion.mounts import Mounts

@@ -1,4 +1,4 @@
-"""Links of a transform tree that move, over time."""
+"""Moving links of a transform tree over time."""
 
 from __future__ import annotations
 

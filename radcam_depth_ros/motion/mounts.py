@@ -1,4 +1,4 @@
-"""Where sensors are on a vehicle at a time, of which some may move: a camera that pans, a cab on its springs."""
+"""Poses of sensors on a vehicle at a time, moving mounts included: a camera that pans, a sprung cab."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A radar's own motion over ground from its Doppler."""
+"""Estimates a radar's own motion over ground from its Doppler."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One frame's place in another over time."""
+"""Poses of one frame in another over time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a radar's returns are at an image's time: the vehicle drives on, and so does what it saw."""
+"""Moves radar returns to an image's time, by the vehicle's motion and their Doppler."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a vehicle was at any time, from its odometry or from /tf."""
+"""Poses of a vehicle over time, from its odometry or from /tf."""
 
 from __future__ import annotations
 

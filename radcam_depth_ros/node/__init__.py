@@ -1,4 +1,4 @@
-"""The live node: lifecycle, quality of service, back-pressure, diagnostics, publishing."""
+"""The live ROS 2 node: lifecycle, quality of service, back-pressure, diagnostics, publishing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The clock by which messages arrive."""
+"""Clock of message arrival, which follows `/clock` under simulated time and never goes back."""
 
 from __future__ import annotations
 

@@ -239,14 +239,14 @@ class RadcamDepthNode(LifecycleNode):
             self._problems.report(
                 "transforms",
                 Level.ERROR,
-                f"{missing} /tf_static cannot be read and nobody knows where the radar is: install it "
+                f"{missing} /tf_static cannot be read and the radar's pose is unknown: install it "
                 "(ros-jazzy-tf2-msgs), or set the parameter camera_from_radar (x y z qx qy qz qw)",
             )
         if config.frame_builder.moves_radar and not config.frame_builder.odometry:
             self._problems.report(
                 "moving transforms",
                 Level.WARN,
-                f"{missing} /tf cannot be read and nobody knows how the vehicle moves: install it "
+                f"{missing} /tf cannot be read and the vehicle's motion is unknown: install it "
                 "(ros-jazzy-tf2-msgs), or set the parameter odometry_topic",
             )
 

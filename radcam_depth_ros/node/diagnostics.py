@@ -1,4 +1,4 @@
-"""The node's state as lines of `/diagnostics`."""
+"""Publishes the node's state as `/diagnostics`: one status for the whole and one for each part."""
 
 from __future__ import annotations
 

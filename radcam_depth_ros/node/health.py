@@ -1,4 +1,4 @@
-"""What the node knows of its own health: problems with each part, rates and latencies. No ROS in here."""
+"""Problems, rates and durations of the node's parts, without ROS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long frames take from the image's arrival to their depth, and in which parts; as numbers and as topics."""
+"""Measures each frame's latency from the image's arrival to its depth, in parts, and publishes it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from radcam_depth_ros.node.health import Durations
 from radcam_depth_ros.node.topics.factory import build_message, message_class
 
-PARTS = ("latency", "decode", "wait", "inference", "encode")
-LATENCY_TOPICS = {part: f"debug/{part}_ms" for part in PARTS}
+LATENCY_PARTS = ("latency", "decode", "wait", "inference", "encode")
+LATENCY_TOPICS = {part: f"debug/{part}_ms" for part in LATENCY_PARTS}
 """Relative topic of each part, std_msgs/Float32."""
 _TYPE = "std_msgs/msg/Float32"
 
@@ -36,7 +36,7 @@ class FrameTimes:
     published_ns: int
 
     def durations_ns(self) -> Mapping[str, int]:
-        """The whole, `latency`, and what it is made of, for each of `PARTS`."""
+        """The whole, `latency`, and what it is made of, for each of `LATENCY_PARTS`."""
         return {
             "latency": self.published_ns - self.arrived_ns,
             "decode": self.decoded_ns - self.arrived_ns,
@@ -50,7 +50,7 @@ class Latencies:
     """The last frames' times, part by part."""
 
     def __init__(self) -> None:
-        self._parts = {part: Durations() for part in PARTS}
+        self._parts = {part: Durations() for part in LATENCY_PARTS}
 
     def add(self, times: FrameTimes) -> None:
         """Takes a frame's times."""
@@ -58,14 +58,14 @@ class Latencies:
             self._parts[part].add(duration_ns)
 
     def percentiles_ms(self, part: str) -> tuple[float, ...]:
-        """Milliseconds at 50, 95 and 99 % of one of `PARTS`; empty before the first frame."""
+        """Milliseconds at 50, 95 and 99 % of one of `LATENCY_PARTS`; empty before the first frame."""
         return self._parts[part].percentiles_ms()
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """All percentiles as diagnostics values."""
         return tuple(
             (f"{part} {name} [ms]", f"{value:.1f}")
-            for part in PARTS
+            for part in LATENCY_PARTS
             for name, value in zip(("p50", "p95", "p99"), self.percentiles_ms(part), strict=False)
         )
 

@@ -1,4 +1,4 @@
-"""A mailbox for one item, and the thread that empties it: the newest frame is worked on, an older one is dropped."""
+"""Mailbox for one item and the thread that empties it: the newest frame is processed, older ones are dropped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Declaring the node's parameters, checking what they are set to, and reading them.
+"""Declares the node's parameters, checks new values, and reads them as one config.
 
 What a parameter file gives is checked here rather than by rclpy, which would end the node at an unknown value or at an
 integer for a float: a node that stays up can say what is wrong in its diagnostics.

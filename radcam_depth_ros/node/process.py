@@ -1,4 +1,4 @@
-"""The node as a process: start, signals, a prompt and clean end."""
+"""Runs the node as a process: start, signals, a prompt and clean end."""
 
 from __future__ import annotations
 

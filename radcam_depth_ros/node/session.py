@@ -1,4 +1,4 @@
-"""What lives while the node is active: subscriptions, pairing, the worker, and what they count."""
+"""Holds everything that lives while the node is active: subscriptions, pairing, the worker, and counters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from radcam_depth_ros.node.arrival import ArrivalClock
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
 from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
 from radcam_depth_ros.node.mailbox import Worker
-from radcam_depth_ros.node.stamps import StampOffset, Stamps
+from radcam_depth_ros.node.stamps import SensorStamps, StampOffset
 from radcam_depth_ros.node.topics.inputs import Input, Inputs, subscribe
 from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.warm_up import WarmUp
@@ -79,7 +79,7 @@ class Session:
         """Messages of each part, good ones and bad ones."""
         self.used = {source.part: 0 for source in inputs}
         """How many of them could be used."""
-        self.stamps = {source.part: Stamps() for source in (inputs.camera, *inputs.radars)}
+        self.stamps = {source.part: SensorStamps() for source in (inputs.camera, *inputs.radars)}
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
         """Of each radar, as it is stamped: without `radar_time_offset_s`."""
         self.frames_in = self.frames_failed = self.images_unusable = self.frames_suppressed = 0

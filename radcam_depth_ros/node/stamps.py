@@ -16,7 +16,7 @@ _LONGEST_GAP = 10
 """A gap of so many intervals is a pause or a jump; what is shorter is lost messages."""
 
 
-class Stamps:
+class SensorStamps:
     """The stamps of one sensor's last messages.
 
     Attributes:
@@ -48,7 +48,7 @@ class StampOffset:
     def __init__(self) -> None:
         self._samples_ns: deque[int] = deque(maxlen=_KEPT)
 
-    def add(self, stamp_ns: int, arrived_ns: int, image: Stamps) -> None:
+    def add(self, stamp_ns: int, arrived_ns: int, image: SensorStamps) -> None:
         """Takes a sweep's stamp and arrival, nanoseconds, beside the image that came last."""
         if image.newest_ns is not None and arrived_ns - image.newest_ns[1] <= _FRESH_NS:
             image_ns, image_arrived_ns = image.newest_ns

@@ -1,4 +1,4 @@
-"""How each part of the running node does."""
+"""Makes a diagnostic status for each part of the running node."""
 
 from __future__ import annotations
 

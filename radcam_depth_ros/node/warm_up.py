@@ -1,4 +1,4 @@
-"""Warming up the network for a camera as soon as its camera_info is known, before its first image."""
+"""Warms up the network as soon as camera_info is known, before the first image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why no depth comes out: which inputs are missing, who publishes them, and what to do about it."""
+"""Explains why no depth comes out: missing inputs, their publishers, and the remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pairing: each image with its nearest radar sweeps."""
+"""Pairs each image with its nearest radar sweeps."""
 
 from radcam_depth_ros.pairing.clocks import CLOCK_CERTAIN_S, CLOCK_WARNING_S, clock_warning
 from radcam_depth_ros.pairing.pairer import Pairer

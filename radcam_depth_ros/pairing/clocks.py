@@ -1,4 +1,4 @@
-"""When the stamps of two sensors say that their clocks differ."""
+"""Detects from stamps that the clocks of two sensors differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each image with the nearest sweep of each radar, as soon as it is certain which that is."""
+"""Pairs each image with the nearest sweep of each radar, as soon as the choice is final."""
 
 from __future__ import annotations
 

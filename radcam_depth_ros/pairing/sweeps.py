@@ -1,4 +1,4 @@
-"""The last sweeps of one radar: which is nearest to an image, and whether a nearer one may still come."""
+"""Holds the last sweeps of one radar: finds the nearest to an image, and whether a nearer one may still come."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One time for several streams of stamps, which goes on where the stamps jump backwards."""
+"""One monotonic time for several streams of stamps, also across backward jumps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The node's config, of parameters by name."""
+"""Builds the node's config from parameters by name."""
 
 from __future__ import annotations
 

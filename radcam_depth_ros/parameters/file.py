@@ -1,4 +1,4 @@
-"""Read the node's parameter file without ROS, as ROS reads it.
+"""Reads the node's parameter file without ROS, as ROS reads it.
 
 A file has a section for each node, by its name, its full name, or a wildcard (`/**`).
 """

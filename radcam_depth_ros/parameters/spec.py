@@ -1,4 +1,4 @@
-"""A parameter: which field it sets, what it means, and which values it takes."""
+"""One parameter of the node: the field that it sets, and the conversion and check of its values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From paths of bags to training data: finding bags, refusing test drives, holding some out."""
+"""Turns bags into training data: refuses test drives, holds some out for validation."""
 
 from __future__ import annotations
 
@@ -18,28 +18,6 @@ FIRST_TEST_SEED = 1_000_000
 
 Prepare = Callable[[Sequence[Path]], Sequence[CachedDrive]]
 """Makes samples of bags, `cache.cached_drives` with its settings."""
-
-_BAG_SUFFIXES = (".mcap", ".db3")
-
-
-def find_bags(paths: Sequence[Path]) -> tuple[Path, ...]:
-    """All bags in some places, sorted by path, each once.
-
-    Args:
-        paths: Bag files, bag folders, or folders with any of these below.
-
-    Raises:
-        TrainingError: for a path without a bag.
-    """
-    found: dict[Path, Path] = {}
-    for path in paths:
-        bags = _bags_below(path)
-        if not bags:
-            raise TrainingError(
-                f"there is no bag at {path}; give .mcap files, rosbag2 folders, or a folder that holds some"
-            )
-        found.update((bag.resolve(), bag) for bag in bags)
-    return tuple(sorted(found.values()))
 
 
 def refuse_test_drives(bags: Sequence[Path]) -> None:
@@ -118,17 +96,3 @@ def with_rehearsal(
         train, validation = SampleSet.of(drives).split(config.hold_out)
     description = f"{data.description}, rehearsing {len(train)} frames as {100 * config.share:.0f} % of all"
     return replace(data, rehearsal=train, rehearsal_validation=validation, description=description)
-
-
-def _bags_below(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path] if path.suffix in _BAG_SUFFIXES else []
-    if (path / "metadata.yaml").is_file():
-        return [path]
-    bags: list[Path] = []
-    for child in sorted(path.iterdir()) if path.is_dir() else []:
-        # What is hidden is somebody's unfinished work.
-        if child.name.startswith("."):
-            continue
-        bags += _bags_below(child)
-    return bags

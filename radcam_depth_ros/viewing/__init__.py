@@ -1,4 +1,4 @@
-"""Drives as pictures: the camera beside its depth, as a video, a folder of images or a strip."""
+"""Draws drives: the camera beside its depth, as a video, a folder of images or a strip."""
 
 from radcam_depth_ros.viewing.live import view_live
 from radcam_depth_ros.viewing.picture import ViewError, draw_picture

@@ -1,4 +1,4 @@
-"""What a running node makes of live topics, as pictures."""
+"""Draws the depth of a running node from live topics."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def view_live(
         options: Which frames; of those that have depth.
         namespace: Of the node's topics; by default where its depth is found.
         progress: Called with the number of pictures so far.
-        warn: Told, in a sentence each, what is left out of the pictures.
+        warn: Called with a sentence for each thing that is left out of the pictures.
 
     Returns:
         The number of pictures.

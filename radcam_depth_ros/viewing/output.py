@@ -1,4 +1,4 @@
-"""Where pictures go: a video, a folder or one strip, whole or not there at all."""
+"""Writes pictures as a video, a folder or one strip, whole or not at all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One frame as a picture: the camera, dense and semi-dense depth side by side, radar returns drawn in."""
+"""Draws one frame: camera, dense and semi-dense depth side by side, with radar returns."""
 
 from __future__ import annotations
 

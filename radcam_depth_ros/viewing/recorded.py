@@ -1,4 +1,4 @@
-"""The depth images of a bag, or of live topics, in place of a network."""
+"""Reads recorded or live depth images in place of a network's output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bag's frames with their depth, as pictures."""
+"""Draws a bag's frames with their depth."""
 
 from __future__ import annotations
 

@@ -83,13 +83,18 @@ class FakeEstimator:
     def warm_up(self, camera: CameraModel) -> None:
         self.warmed_up.append((camera, threading.current_thread().name))
 
-    def estimate(self, frame: Frame, *, classes: bool = True) -> DepthResult:
+    def prepare(self, frame: Frame) -> Any:
+        return SimpleNamespace(frame=frame, radar=frame.radar.xyz_m[frame.radar.xyz_m[:, 2] > 0])
+
+    def run(self, inputs: Any) -> None:
         time.sleep(self.seconds)
         if self.error is not None:
             raise self.error
-        self.stamps_ns.append(frame.stamp_ns)
-        self.radar_m[frame.stamp_ns] = frame.radar.xyz_m
-        in_view = int((frame.radar.xyz_m[:, 2] > 0).sum())
+        self.stamps_ns.append(inputs.frame.stamp_ns)
+        self.radar_m[inputs.frame.stamp_ns] = inputs.frame.radar.xyz_m
+
+    def finish(self, inputs: Any, depths: None, *, classes: bool) -> DepthResult:
+        frame, in_view = inputs.frame, len(inputs.radar)
         shape = frame.image.shape[:2]
         dense, semi_dense = np.full(shape, 1.0 + in_view, np.float32), np.full(shape, np.nan, np.float32)
         confidence = np.full(shape, 0.5, np.float32)

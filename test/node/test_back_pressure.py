@@ -45,17 +45,17 @@ def test_the_newest_image_is_worked_on_and_nothing_piles_up(
     bench.until(is_idle)
     behind: list[int] = []
     handed_ns: list[int] = []
-    estimate, put = bench.fake.estimate, session._worker.put
+    run, put = bench.fake.run, session._worker.put
 
     def put_and_note(ticket: Any) -> None:
         handed_ns.append(ticket.frame.stamp_ns)
         put(ticket)
 
-    def estimate_and_look(frame: Any, **options: Any) -> Any:
-        behind.append(sum(stamp > frame.stamp_ns for stamp in handed_ns))
-        return estimate(frame, **options)
+    def run_and_look(inputs: Any) -> Any:
+        behind.append(sum(stamp > inputs.frame.stamp_ns for stamp in handed_ns))
+        return run(inputs)
 
-    session._worker.put, bench.fake.estimate = put_and_note, estimate_and_look
+    session._worker.put, bench.fake.run = put_and_note, run_and_look
     before_in, before_dropped = session.frames_in, session.frames_dropped
     image, cloud, threads = bench.image(CAMERA), bench.cloud(), threading.active_count()
     frames, quarter_mib, next_s = 0, 0.0, time.monotonic()

@@ -12,9 +12,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from radcam_depth_ros.node.topics.factory import message_class
 from radcam_depth_ros.node.topics.graph import Graph, mismatches
-from radcam_depth_ros.node.topics.inputs import IMAGE_TYPES, Input
+from radcam_depth_ros.node.topics.inputs import TRANSPORT_TYPES, Input
 
-RAW, COMPRESSED = IMAGE_TYPES["raw"], IMAGE_TYPES["compressed"]
+RAW, COMPRESSED = TRANSPORT_TYPES["raw"], TRANSPORT_TYPES["compressed"]
 INFO, CLOUD = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/PointCloud2"
 CAMERA = Input("camera", "/image", RAW, 2, parameter="image_topic")
 CAMERA_INFO = Input("camera_info", "/camera_info", INFO, 2, parameter="camera_info_topic")

@@ -5,14 +5,14 @@ import random
 import pytest
 
 from radcam_depth_ros.node.health import SECOND_NS, Level, Status, summary
-from radcam_depth_ros.node.latency import PARTS, FrameTimes
-from radcam_depth_ros.node.stamps import StampOffset, Stamps
+from radcam_depth_ros.node.latency import LATENCY_PARTS, FrameTimes
+from radcam_depth_ros.node.stamps import SensorStamps, StampOffset
 
 MS = 1_000_000
 
 
 def test_missing_messages_are_counted_by_the_gaps_that_they_leave() -> None:
-    stamps, rng = Stamps(), random.Random(3)
+    stamps, rng = SensorStamps(), random.Random(3)
     assert stamps.missing_share() is None
     kept = [step for step in range(120) if rng.random() > 0.3]
     for step in kept:
@@ -21,7 +21,7 @@ def test_missing_messages_are_counted_by_the_gaps_that_they_leave() -> None:
 
 
 def test_neither_order_nor_duplicates_nor_a_pause_are_missing_messages() -> None:
-    stamps = Stamps()
+    stamps = SensorStamps()
     for step in [1, 0, 3, 3, 2, 5, 4, 1000, 1001, 1002, 1004, 1003]:
         stamps.add(step * 100 * MS, 0)
     assert stamps.missing_share() == 0.0
@@ -29,7 +29,7 @@ def test_neither_order_nor_duplicates_nor_a_pause_are_missing_messages() -> None
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 4.0])
 def test_an_offset_is_that_of_messages_that_come_together_at_any_speed_of_a_bag(rate: float) -> None:
-    image, offset, rng = Stamps(), StampOffset(), random.Random(1)
+    image, offset, rng = SensorStamps(), StampOffset(), random.Random(1)
     for step in range(60):
         stamp_ns = 50 * SECOND_NS + step * 33 * MS
         arrived_ns = round(step * 33 * MS / rate) + rng.randint(0, 5) * MS
@@ -42,7 +42,7 @@ def test_an_offset_is_that_of_messages_that_come_together_at_any_speed_of_a_bag(
 
 
 def test_arrivals_that_vary_by_as_much_tell_no_offset() -> None:
-    image, offset, rng = Stamps(), StampOffset(), random.Random(1)
+    image, offset, rng = SensorStamps(), StampOffset(), random.Random(1)
     for step in range(60):
         image.add(step * 100 * MS, step * 100 * MS)
         offset.add(step * 100 * MS, step * 100 * MS + rng.randint(0, 900) * MS, image)
@@ -50,7 +50,7 @@ def test_arrivals_that_vary_by_as_much_tell_no_offset() -> None:
 
 
 def test_an_image_of_long_ago_is_not_compared_with() -> None:
-    image, offset = Stamps(), StampOffset()
+    image, offset = SensorStamps(), StampOffset()
     image.add(0, 0)
     for step in range(20, 40):
         offset.add(step * 100 * MS, step * 100 * MS, image)
@@ -59,7 +59,7 @@ def test_an_image_of_long_ago_is_not_compared_with() -> None:
 
 def test_the_parts_of_a_frame_s_time_make_up_the_whole() -> None:
     durations = FrameTimes(10, 11, 13, 17, 25).durations_ns()
-    assert tuple(durations[part] for part in PARTS) == (15, 1, 2, 4, 8)
+    assert tuple(durations[part] for part in LATENCY_PARTS) == (15, 1, 2, 4, 8)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
 from radcam_depth_ros.training.data.samples import CachedDrive
-from radcam_depth_ros.training.drives import find_bags, load_data, refuse_test_drives
+from radcam_depth_ros.training.drives import load_data, refuse_test_drives
 from radcam_depth_ros.training.errors import TrainingError
 
 SETTINGS = CacheSettings(630.0, 100.0)
@@ -18,22 +18,6 @@ Prepare = Callable[[Sequence[Path]], Sequence[CachedDrive]]
 @pytest.fixture
 def prepare(tmp_path: Path) -> Prepare:
     return partial(cached_drives, folder=tmp_path / "cache", settings=SETTINGS)
-
-
-def test_bags_are_found_in_folders_and_named_once(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "metadata.yaml").touch()
-    (tmp_path / "a" / "a_0.mcap").touch()
-    (tmp_path / "deep" / "deeper").mkdir(parents=True)
-    (tmp_path / "deep" / "deeper" / "b.mcap").touch()
-    (tmp_path / ".c.mcap.partial").mkdir()
-    (tmp_path / ".c.mcap.partial" / "c.mcap").touch()
-    (tmp_path / "notes.txt").touch()
-    expected = (tmp_path / "a", tmp_path / "deep" / "deeper" / "b.mcap")
-    assert find_bags([tmp_path, tmp_path / "a"]) == expected
-    for nothing in (tmp_path / "notes.txt", tmp_path / "missing"):
-        with pytest.raises(TrainingError, match="no bag at"):
-            find_bags([nothing])
 
 
 def test_drives_for_measuring_are_refused() -> None:

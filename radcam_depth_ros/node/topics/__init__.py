@@ -1,1 +1,1 @@
-"""Topics of the node: subscriptions, publishers, and what the ROS graph tells of them."""
+"""Topics of the node: subscriptions, publishers, and queries of the ROS graph."""

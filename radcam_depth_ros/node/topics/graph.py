@@ -1,4 +1,4 @@
-"""What the ROS graph has for an input: its publishers, and where else messages of its type come from."""
+"""Queries of the ROS graph for an input: its publishers, and other topics of its type."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
-from radcam_depth_ros.node.topics.inputs import COMPRESSED, IMAGE_TYPES, Input
+from radcam_depth_ros.node.topics.inputs import COMPRESSED, TRANSPORT_TYPES, Input
 
 
 class Graph:
@@ -116,7 +116,7 @@ def _fault(info: TopicEndpointInfo, source: Input, asked: QoSProfile) -> str:
 
 
 def _other_image_types(source: Input) -> tuple[str, ...]:
-    types = tuple(IMAGE_TYPES.values())
+    types = tuple(TRANSPORT_TYPES.values())
     return tuple(other for other in types if other != source.type_name) if source.type_name in types else ()
 
 
@@ -125,7 +125,7 @@ def _other_type(source: Input, topic: str, type_name: str) -> str:
     if type_name not in _other_image_types(source):
         what = f"set {source.parameter}" if source.parameter else f"remap {source.topic}"
         return f"{what} to a topic of {source.type_name}"
-    (transport,) = (name for name, image_type in IMAGE_TYPES.items() if image_type == type_name)
+    (transport,) = (name for name, image_type in TRANSPORT_TYPES.items() if image_type == type_name)
     if transport == COMPRESSED and not topic.endswith(COMPRESSED_SUFFIX):
         transport = "compressed_topic"
     return f"set image_transport to {transport} and {source.parameter} to {topic}"

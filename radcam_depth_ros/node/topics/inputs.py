@@ -1,4 +1,4 @@
-"""What the node subscribes to, and with which quality of service."""
+"""Subscriptions of the node, with their quality of service."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from radcam_depth_ros.parameters import NodeConfig, ParameterError
 TRANSFORM_TYPE = "tf2_msgs/msg/TFMessage"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 COMPRESSED = "compressed"
-IMAGE_TYPES = {"raw": "sensor_msgs/msg/Image", COMPRESSED: "sensor_msgs/msg/CompressedImage"}
+TRANSPORT_TYPES = {"raw": "sensor_msgs/msg/Image", COMPRESSED: "sensor_msgs/msg/CompressedImage"}
 """Of values of `image_transport`; `compressed_topic` takes compressed images as well."""
 OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
-"""Policies that `qos_overrides.<topic>.subscription.*` parameters change."""
+"""Policies that `qos_overrides.<topic>.subscription.*` and `.publisher.*` parameters change."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     if transport == COMPRESSED:
         # As image_transport does, which may have its own topics remapped as well.
         image = _full_name(node, image.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX)
-    image_type = IMAGE_TYPES.get(transport, IMAGE_TYPES[COMPRESSED])
+    image_type = TRANSPORT_TYPES.get(transport, TRANSPORT_TYPES[COMPRESSED])
     radars = tuple(_full_name(node, topic) for topic in given.radars)
     static, dynamic = _transforms()
     has_messages = has_transform_messages()

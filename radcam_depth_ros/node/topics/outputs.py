@@ -1,4 +1,4 @@
-"""What the node publishes, and with which quality of service."""
+"""Publishers of the node, with their quality of service."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, QoSOfferedIncompatibleQoSInfo
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from radcam_depth_ros.encoder import OUTPUTS, Output
 from radcam_depth_ros.node.topics.factory import message_class
-
-OVERRIDABLE = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
-"""Policies that `qos_overrides.<topic>.publisher.*` parameters change."""
+from radcam_depth_ros.node.topics.inputs import OVERRIDABLE
 
 
 class Outputs:
