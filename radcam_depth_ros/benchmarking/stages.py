@@ -16,7 +16,7 @@ from radcam_depth_ros.benchmarking.rotation import Task
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Subject
 from radcam_depth_ros.engine.calls import forward
 from radcam_depth_ros.networks.layers.number_formats import convert
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import torchscript
 from radcam_depth_ros.networks.weights_io.folding import folded
 
 GFLOP_COUNTING = (
@@ -132,7 +132,7 @@ def _runner(stage: nn.Module, subject: Subject, arguments: tuple[Any, ...]) -> C
     """Runs a stage as the whole network's engine would, warmed up."""
     # On a GPU the engine replays one graph of the whole: there its stages run eagerly.
     is_frozen = subject.mode == "frozen" and subject.device == "cpu"
-    module = archive.freeze(stage, getattr(torch, subject.precision)) if is_frozen else _eager(stage, subject)
+    module = torchscript.freeze(stage, getattr(torch, subject.precision)) if is_frozen else _eager(stage, subject)
 
     def call() -> object:
         with torch.inference_mode():

@@ -15,7 +15,7 @@ from radcam_depth_ros.benchmarking.rotation import Schedule
 from radcam_depth_ros.benchmarking.stages import count_gflop, dissect
 from radcam_depth_ros.benchmarking.subject import BenchmarkError, NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.networks import names, registry
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 
 SIZE = Size(32, 64, 5)
 PIXELS = 32 * 64
@@ -68,7 +68,7 @@ def test_stages_that_an_architecture_lacks_are_left_out(tiny: str) -> None:
 
 def test_an_exported_network_is_one_piece(tmp_path: Path, small_weights: Path) -> None:
     path = tmp_path / "baff.pt"
-    archive.export(archive.load(small_weights), path)
+    torchscript.export(archive.load(small_weights), path)
     running = Running.start(Subject(model_file=str(path)))
     anatomy = dissect(running, NetworkInputs.synthetic(SIZE, running.focal_length_px))
     assert not anatomy.stages

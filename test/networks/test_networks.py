@@ -21,7 +21,7 @@ from radcam_depth_ros.networks.baff.network import Baff
 from radcam_depth_ros.networks.baff_paper.network import BaffPaper
 from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, plane_to_depth
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import torchscript
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
 BAFF_FORMS: dict[str, tuple[str, dict[str, object]]] = {
@@ -198,7 +198,7 @@ def test_training_and_inference_agree(network: Network, count: int) -> None:
 
 
 def test_script_equals_eager(network: Network) -> None:
-    frozen = archive.freeze(network)
+    frozen = torchscript.freeze(network)
     for count in (0, 3, 17):
         inputs = make_inputs(1, 64, 96, count)
         with torch.inference_mode():

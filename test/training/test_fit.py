@@ -14,7 +14,7 @@ from small_training import CONFIG, RECIPE, Miniature, Watch, data_of
 from torch import Tensor
 
 from radcam_depth_ros.networks import TrainOutputs, registry
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
@@ -184,7 +184,7 @@ def test_weights_of_another_architecture_are_no_start(tmp_path: Path, data: Trai
     with pytest.raises(TrainingError, match="are of 'miniature'"):
         run(data, tmp_path / "third", network="baff", initial=first.archive)
     export = tmp_path / "export.pt"
-    archive.export(archive.load("baff"), export)
+    torchscript.export(archive.load("baff"), export)
     with pytest.raises(TrainingError, match=r"an export cannot be trained; give the \.safetensors file"):
         run(data, tmp_path / "fourth", network="baff", initial=export)
 

@@ -13,7 +13,7 @@ from torch.multiprocessing.reductions import StorageWeakRef
 from radcam_depth_ros import networks
 from radcam_depth_ros.files import FileError
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.networks.weights_io import export_check as contents
 from radcam_depth_ros.networks.weights_io.archive import ArchiveError, Card
 
@@ -62,7 +62,7 @@ def test_weights_come_back_in_half_precision(weights: Path) -> None:
 
 def test_an_export_is_self_contained_and_equal(weights: Path, tmp_path: Path) -> None:
     loaded = archive.load(weights)
-    archive.export(loaded, tmp_path / "baff.pt")
+    torchscript.export(loaded, tmp_path / "baff.pt")
     exported = archive.load(tmp_path / "baff.pt")
     assert exported.card == loaded.card
     given = inputs()
@@ -176,8 +176,8 @@ def test_an_export_whose_code_could_do_more_than_compute_is_not_read(
     weights: Path, tmp_path: Path, module: type[torch.nn.Module], word: str
 ) -> None:
     card = weights.with_suffix(".yaml").read_text()
-    with archive._quiet_jit():
-        torch.jit.script(module()).save(str(tmp_path / "foreign.pt"), _extra_files={archive.CARD_ENTRY: card})
+    with torchscript._quiet_jit():
+        torch.jit.script(module()).save(str(tmp_path / "foreign.pt"), _extra_files={torchscript.CARD_ENTRY: card})
     with pytest.raises(ArchiveError, match=f"is not read: its code has '{word}'"):
         archive.load(tmp_path / "foreign.pt")
 
@@ -225,7 +225,7 @@ def test_loading_and_running_weights_writes_nothing(
     weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exported = tmp_path / "baff.pt"
-    archive.export(archive.load(weights), exported)
+    torchscript.export(archive.load(weights), exported)
     monkeypatch.chdir(tmp_path)
     before = {path: path.stat().st_mtime_ns for folder in (weights.parent, tmp_path) for path in folder.iterdir()}
     for source in (weights, exported):
@@ -268,7 +268,7 @@ def test_weights_beyond_half_precision_are_not_written(tmp_path: Path) -> None:
 
 
 def test_a_frozen_network_goes_with_its_last_user_and_its_errors_can_be_told(weights: Path) -> None:
-    frozen = archive.freeze(archive.load(weights).network)
+    frozen = torchscript.freeze(archive.load(weights).network)
     gc.collect()
     image, *others = inputs()
     for _ in range(3):
