@@ -72,7 +72,7 @@ SLOW_PLACES = (
 """Folders and files whose tests are slow, those first that take longest."""
 
 
-PLACES_OF_FREEZING = ("benchmarking", "engine", "networks")
+PLACES_OF_FREEZING = ("benchmarking", "engine", "networks", "weights_io")
 """Folders whose tests try how a network is made ready to run, or how long that takes and what memory it needs."""
 
 

@@ -1,4 +1,4 @@
-"""From paths of bags to training data: finding bags, refusing test drives, holding some out."""
+"""Finds bags, refuses test drives and holds some out for validation."""
 
 from __future__ import annotations
 

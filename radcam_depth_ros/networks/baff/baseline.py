@@ -1,4 +1,4 @@
-"""`baseline`: what the papers compare with, RadarNet and FusionNet alike; two stages without attention."""
+"""`baseline`: two stages without attention, as RadarNet and FusionNet, which the papers compare with."""
 
 from dataclasses import dataclass
 from types import MappingProxyType

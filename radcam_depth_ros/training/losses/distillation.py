@@ -1,4 +1,4 @@
-"""One network learns from another: losses between their maps (LiRCDepth 2025, equations 1 to 5; METHODS C)."""
+"""Losses between the maps of a teacher and a student (LiRCDepth 2025, equations 1 to 5; METHODS C)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `lircdepth` is trained to (LiRCDepth 2025, METHODS C), but for distillation: see `distillation`.
+"""Losses of `lircdepth` (LiRCDepth 2025, METHODS C) without those of distillation, which are in `distillation`.
 
 `inter_depth` is not in the paper and is off by default.
 """

@@ -1,4 +1,4 @@
-"""Depth is smooth where the image is: a loss that all three other papers have."""
+"""Edge-aware smoothness loss: depth is smooth where the image is."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from torch.multiprocessing.reductions import StorageWeakRef
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.files import FileError
+from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.networks.weights_io import export_check as contents
@@ -118,7 +119,7 @@ def rewrite_card(path: Path, **changes: object) -> None:
 )
 def test_cards_that_do_not_fit(copied: Path, changes: dict[str, object], message: str) -> None:
     rewrite_card(copied, **changes)
-    with pytest.raises(archive.RadcamDepthError, match=message):
+    with pytest.raises(RadcamDepthError, match=message):
         archive.load(copied)
 
 
@@ -213,7 +214,7 @@ def test_a_small_file_that_becomes_a_large_one_is_not_read(
 
 def test_a_card_of_aliases_and_one_of_a_billion_channels_take_no_memory(copied: Path) -> None:
     rewrite_card(copied, architecture={**ARCHITECTURE, "channels": [2**20] * 4})
-    with pytest.raises(archive.RadcamDepthError, match="should be"):
+    with pytest.raises(RadcamDepthError, match="should be"):
         archive.load(copied)
     laughs = ["a0: &a0 [1, 1]", *(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 30))]
     copied.with_suffix(".yaml").write_text("\n".join(laughs))
