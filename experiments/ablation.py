@@ -1,4 +1,4 @@
-"""What the parts of a network are worth: the same short training with and without each, several seeds.
+"""Ablation: the same short training with and without each part of a network, with several seeds.
 
 Run it from the repository's root, on simulated drives, of which some are kept for validation and for measuring:
 
@@ -41,7 +41,7 @@ from experiments.short_training import Budget, ShortTraining
 from experiments.thinned_bags import thinned_bags
 from radcam_depth_ros.bags import find_bags
 from radcam_depth_ros.benchmarking.rotation import Schedule, in_rotation
-from radcam_depth_ros.benchmarking.stages import Stage, dissect
+from radcam_depth_ros.benchmarking.sections import Section, dissect
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.cli.terminal.options import write_json
@@ -241,23 +241,23 @@ def time_associations(size: tuple[int, int], returns: Sequence[int], rounds: int
     """Milliseconds, GFLOP and memory of stage 1 alone: for each number of returns, both forms in turns."""
     rows = []
     for count in returns:
-        stages = [_association(FORMS[name], Size.padded(*size, count)) for name in (EMBEDDING, REGIONS)]
-        tasks = [dataclasses.replace(stage.task, name=name) for name, stage in zip("ab", stages, strict=True)]
+        sections = [_association(FORMS[name], Size.padded(*size, count)) for name in (EMBEDDING, REGIONS)]
+        tasks = [dataclasses.replace(section.task, name=name) for name, section in zip("ab", sections, strict=True)]
         times = in_rotation(tasks, Schedule(rounds, 120.0), "cpu", lambda done, total: None)
         row: dict[str, float] = {"returns": count}
-        for name, label, stage in zip(("embedding", "regions"), "ab", stages, strict=True):
+        for name, label, section in zip(("embedding", "regions"), "ab", sections, strict=True):
             row[f"{name}_ms"] = statistics.median(times.of(label))
-            row[f"{name}_gflop"] = stage.gflop
-            row[f"{name}_memory_mb"] = stage.peak_memory_mb
+            row[f"{name}_gflop"] = section.gflop
+            row[f"{name}_memory_mb"] = section.peak_memory_mb
         row["times_embedding"] = float(np.median(times.of("b") / times.of("a")))
         rows.append(row)
     return rows
 
 
-def _association(form: Form, size: Size) -> Stage:
+def _association(form: Form, size: Size) -> Section:
     running = Running.start(Subject(form.network, architecture=form.architecture, precision="float32"))
-    (stage,) = dissect(running, NetworkInputs.synthetic(size, running.focal_length_px), "association").stages
-    return stage
+    (section,) = dissect(running, NetworkInputs.synthetic(size, running.focal_length_px), "association").sections
+    return section
 
 
 def time_table(rows: Sequence[Mapping[str, float]]) -> Table:

@@ -1,4 +1,4 @@
-"""A trained network with other values of what no weight depends on."""
+"""Builds a trained network with other values of what no weight depends on."""
 
 from __future__ import annotations
 

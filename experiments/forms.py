@@ -1,4 +1,4 @@
-"""The forms of the networks that `experiments.ablation` holds against each other."""
+"""Holds the forms of the networks that `experiments.ablation` compares."""
 
 from __future__ import annotations
 

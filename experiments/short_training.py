@@ -1,4 +1,4 @@
-"""One training of many that are held against each other: short, resumable, and never done twice."""
+"""Runs one of many short trainings that are compared: resumable, and never run twice."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Budget:
             "seed": seed,
             "iterations": self.iterations,
             "checkpoint_every_minutes": 2.0,
-            "stages": [{"share": 1.0, "crops": [list(self.crop)], "batch": self.batch}],
+            "phases": [{"share": 1.0, "crops": [list(self.crop)], "batch": self.batch}],
             # The averaged weights must have forgotten the first ones by the end.
             "optimiser": {
                 "warm_up_iterations": min(100, self.iterations // 10),

@@ -1,4 +1,4 @@
-"""All networks side by side: what they cost, and how far off they are on the same drives, with radar and without.
+"""Compares all networks: cost, and error on the same drives, with radar and without.
 
 Run it from the repository's root, on drives that none of them was trained on; bags of one --drives are one set:
 
@@ -25,7 +25,7 @@ from rich.progress import Progress
 
 from radcam_depth_ros.bags import find_bags
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, in_rotation
-from radcam_depth_ros.benchmarking.stages import count_gflop
+from radcam_depth_ros.benchmarking.sections import count_gflop
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.drive import Sample, read_samples

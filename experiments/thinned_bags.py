@@ -1,4 +1,4 @@
-"""Copies of bags with few radar returns: regions decode each return apart, and no memory holds a thousand of them."""
+"""Copies bags with few radar returns: regions decode each return apart, and no memory holds a thousand of them."""
 
 from __future__ import annotations
 

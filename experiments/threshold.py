@@ -1,4 +1,4 @@
-"""How much of the image semi-dense depth covers, and how well, by tau: what a network's threshold is chosen by.
+"""Measures coverage and error of semi-dense depth by tau, to choose a network's threshold.
 
 Run it from the repository's root, on drives that the network was not trained on:
 

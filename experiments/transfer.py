@@ -1,4 +1,4 @@
-"""What helps a network that has seen simulated drives alone on real ones: short trainings, one thing changed in each.
+"""Compares what helps a network trained on simulated drives on real ones: short trainings, one change each.
 
 Run it from the repository's root, with simulated drives to train on and a real one to measure on:
 

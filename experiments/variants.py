@@ -21,7 +21,7 @@ from rich.table import Table
 
 from experiments.short_training import Budget, ShortTraining
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, in_rotation
-from radcam_depth_ros.benchmarking.stages import count_gflop
+from radcam_depth_ros.benchmarking.sections import count_gflop
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.cli.terminal.options import write_json
 

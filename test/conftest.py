@@ -20,7 +20,7 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.messages import StampedTransform, encode_transforms
 from radcam_depth_ros.networks.interface import Network
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 
 # The environment of the nodes in the tests: nothing leaves this machine, and parallel workers do not hear each other.
 _WORKER = int("".join(filter(str.isdigit, os.environ.get("PYTEST_XDIST_WORKER", "0"))) or "0")
@@ -71,7 +71,7 @@ SLOW_PLACES = (
 """Folders and files whose tests are slow, those first that take longest."""
 
 
-PLACES_OF_FREEZING = ("benchmarking", "engine", "networks")
+PLACES_OF_FREEZING = ("benchmarking", "engine", "networks", "weights_io")
 """Folders whose tests try how a network is made ready to run, or how long that takes and what memory it needs."""
 
 
@@ -124,7 +124,7 @@ def _frozen_once(request: pytest.FixtureRequest, frozen: dict[bytes, torch.jit.S
     if request.path.parent.name in PLACES_OF_FREEZING:
         yield
         return
-    freeze = archive.freeze
+    freeze = torchscript.freeze
 
     def frozen_once(network: torch.nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.ScriptModule:
         if not isinstance(network, Network):
@@ -139,7 +139,7 @@ def _frozen_once(request: pytest.FixtureRequest, frozen: dict[bytes, torch.jit.S
         return frozen[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(archive, "freeze", frozen_once)
+        patch.setattr(torchscript, "freeze", frozen_once)
         yield
 
 

@@ -24,7 +24,7 @@ from radcam_depth_ros.training.distributed.normalisation import join_batch_norms
 from radcam_depth_ros.training.distributed.ranks import Ranks, joined
 from radcam_depth_ros.training.fit import Trainer, TrainingData
 from radcam_depth_ros.training.observer import StepReport, ValidationReport
-from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig, recipe_of
+from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig, recipe_of
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ CONFIG = replace(
     RECIPE,
     iterations=6,
     log_every_iterations=2,
-    stages=(StageConfig(0.5, ((64, 64),), 2), StageConfig(0.5, ((64, 96),), 1)),
+    phases=(PhaseConfig(0.5, ((64, 64),), 2), PhaseConfig(0.5, ((64, 96),), 1)),
     optimiser=replace(RECIPE.optimiser, warm_up_iterations=2),
     validation=replace(RECIPE.validation, every_iterations=4, frames=1),
 )

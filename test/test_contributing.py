@@ -15,12 +15,13 @@ ROOT = Path(__file__).parents[1]
 NETWORK = '''"""`dummy`: the same depth everywhere."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from radcam_depth_ros.networks.config import NetworkConfig
-from radcam_depth_ros.networks.interface import Depths, Network
+from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.registry import register
 
 
@@ -29,8 +30,14 @@ class DummyConfig(NetworkConfig):
     """Architecture of `dummy`."""
 
 
+class DummyOutputs(NamedTuple):
+    """The depths."""
+
+    depths: Depths
+
+
 @register("dummy")
-class Dummy(Network):
+class Dummy(SinglePass):
     """One convolution; see `interface` for shapes."""
 
     about = "one convolution"
@@ -40,14 +47,10 @@ class Dummy(Network):
         super().__init__(config)
         self.conv = nn.Conv2d(3, 2, 1)
 
-    def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
+    def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> DummyOutputs:
+        """Both maps of the convolution."""
         dense, confidence = self.conv(image).float().sigmoid().split(1, dim=1)
-        return Depths(1.0 + 98.0 * dense, torch.full_like(dense, float("nan")), confidence)
-
-    @torch.jit.unused
-    def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
-        """The depths."""
-        return self(image, radar, valid, ground)
+        return DummyOutputs(Depths(1.0 + 98.0 * dense, torch.full_like(dense, float("nan")), confidence))
 '''
 LOSSES = '''"""Losses of `dummy`: an L1."""
 
@@ -57,7 +60,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.networks.dummy import DummyOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.losses.masked import masked_mean
@@ -71,12 +74,12 @@ class LossConfig:
 
 
 def total_loss(
-    outputs: Depths, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks
+    outputs: DummyOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """The total and its parts."""
     truth_m = batch.depth_accumulated_m
     known = (truth_m > 0) & (truth_m <= max_depth_m)
-    depth = masked_mean((outputs.dense - truth_m.where(known, outputs.dense)).abs(), known, ranks)
+    depth = masked_mean((outputs.depths.dense - truth_m.where(known, outputs.depths.dense)).abs(), known, ranks)
     return config.depth * depth, {"depth": depth.detach()}
 '''
 NETWORK_TEST = """from radcam_depth_ros import networks

@@ -1,1 +1,1 @@
-"""How fast a network is on this machine, stage by stage and whole, and against another form of it."""
+"""Measures a network's speed on this machine: its sections, the whole, and against another form of it."""

@@ -1,4 +1,4 @@
-"""How much depth differs between two ways to run the same weights."""
+"""Compares the depth of two ways to run the same weights."""
 
 from __future__ import annotations
 

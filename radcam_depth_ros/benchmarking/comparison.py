@@ -1,4 +1,4 @@
-"""Two configurations, run alternately in one process."""
+"""Runs two configurations alternately in one process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from radcam_depth_ros.benchmarking.accuracy import depth_difference, difference_
 from radcam_depth_ros.benchmarking.figures import AgainstFigures, Description, PairFigures, SideFigures, SizeFigures
 from radcam_depth_ros.benchmarking.memory import process_peak_mb
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, Watch, in_rotation
-from radcam_depth_ros.benchmarking.stages import count_gflop
+from radcam_depth_ros.benchmarking.sections import count_gflop
 from radcam_depth_ros.benchmarking.subject import BenchmarkError, Running, Size, Subject
 from radcam_depth_ros.drive import Sample
 

@@ -1,4 +1,4 @@
-"""What was measured, as values and as JSON."""
+"""Holds measured figures, as values and as JSON."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, Machine
-from radcam_depth_ros.benchmarking.stages import GFLOP_COUNTING
+from radcam_depth_ros.benchmarking.sections import GFLOP_COUNTING
 from radcam_depth_ros.benchmarking.subject import Running, Size
 
 
 @dataclass(frozen=True)
-class StageFigures:
-    """A stage, or the whole network.
+class SectionFigures:
+    """A section, or the whole network.
 
     Attributes:
-        name: Of the stage.
+        name: Of the section.
         median_ms: Milliseconds.
         p99_ms: Milliseconds.
         gflop: Operations in billions; NaN where they are not counted.
@@ -42,7 +42,7 @@ class StageFigures:
         best_gflops: float,
         gflop: float = math.nan,
         peak_memory_mb: float = math.nan,
-    ) -> StageFigures:
+    ) -> SectionFigures:
         """From the times of all rounds, (rounds,) milliseconds."""
         median_ms = float(np.median(ms))
         share = 1e3 * gflop / median_ms / best_gflops if median_ms > 0 else math.nan
@@ -67,14 +67,14 @@ class SizeFigures:
         size: What it was given.
         rounds: How often everything was timed.
         whole: The network from uint8 image to depth; its memory is that of a process of its own.
-        stages: In order of execution; what brings the image to the network first, what brings depth back and what of
-            the network is in no stage last.
+        sections: In order of execution; what brings the image to the network first, what brings depth back and what of
+            the network is in no section last.
     """
 
     size: Size
     rounds: int
-    whole: StageFigures
-    stages: tuple[StageFigures, ...]
+    whole: SectionFigures
+    sections: tuple[SectionFigures, ...]
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -83,7 +83,7 @@ class SizeFigures:
             "rounds": self.rounds,
             **self.whole.as_json(),
             "frames_per_s": plain(1e3 / self.whole.median_ms),
-            "stages": [{"name": stage.name, **stage.as_json()} for stage in self.stages],
+            "stages": [{"name": section.name, **section.as_json()} for section in self.sections],
         }
 
 

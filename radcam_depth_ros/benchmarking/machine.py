@@ -1,4 +1,4 @@
-"""The machine, and the rates that it reaches at its best."""
+"""Describes the machine, and measures the best rates that it reaches."""
 
 from __future__ import annotations
 

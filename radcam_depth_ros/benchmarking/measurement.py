@@ -1,4 +1,4 @@
-"""Measures a network at some sizes: stage by stage, whole, and against another."""
+"""Measures a network at some sizes: section by section, whole, and against another."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from radcam_depth_ros.benchmarking.comparison import Against, compare
-from radcam_depth_ros.benchmarking.figures import Description, Report, SizeFigures, StageFigures
+from radcam_depth_ros.benchmarking.figures import Description, Report, SectionFigures, SizeFigures
 from radcam_depth_ros.benchmarking.machine import (
     CONVOLUTION,
     Machine,
@@ -18,7 +18,7 @@ from radcam_depth_ros.benchmarking.machine import (
 from radcam_depth_ros.benchmarking.memory import process_peak_mb
 from radcam_depth_ros.benchmarking.resampling_cost import RESAMPLE, RESAMPLE_BACK, estimator_tasks, resampling_ms
 from radcam_depth_ros.benchmarking.rotation import Schedule, Task, Times, Watch, in_rotation
-from radcam_depth_ros.benchmarking.stages import Anatomy, dissect
+from radcam_depth_ros.benchmarking.sections import Anatomy, dissect
 from radcam_depth_ros.benchmarking.subject import Running, Size, Subject
 
 WHOLE, REST = "whole", "the rest"
@@ -65,7 +65,7 @@ def _time(
     device = running.subject.device
     tasks = (
         Task(WHOLE, whole),
-        *(stage.task for stage in anatomy.stages),
+        *(section.task for section in anatomy.sections),
         *estimator_tasks(size, running.focal_length_px, device),
         *(probe.task for probe in known),
     )
@@ -74,17 +74,17 @@ def _time(
 
 def _figures(size: Size, anatomy: Anatomy, times: Times, best: float, peak_mb: float) -> SizeFigures:
     """The figures of a size; `best` is the rate that shares are of."""
-    around = {name: StageFigures.of(name, ms, best) for name, ms in resampling_ms(times).items()}
-    inside: list[StageFigures] = []
+    around = {name: SectionFigures.of(name, ms, best) for name, ms in resampling_ms(times).items()}
+    inside: list[SectionFigures] = []
     rest_ms = times.of(WHOLE)
-    for name in dict.fromkeys(stage.name for stage in anatomy.stages):
-        pieces = [stage for stage in anatomy.stages if stage.name == name]
+    for name in dict.fromkeys(section.name for section in anatomy.sections):
+        pieces = [section for section in anatomy.sections if section.name == name]
         gflop, memory_mb = sum(piece.gflop for piece in pieces), max(piece.peak_memory_mb for piece in pieces)
-        inside.append(StageFigures.of(name, times.of(name), best, gflop, memory_mb))
+        inside.append(SectionFigures.of(name, times.of(name), best, gflop, memory_mb))
         rest_ms = rest_ms - times.of(name)
     return SizeFigures(
         size,
         len(times.ms),
-        StageFigures.of(WHOLE, times.of(WHOLE), best, anatomy.gflop, peak_mb),
-        (around[RESAMPLE], *inside, StageFigures.of(REST, rest_ms, best), around[RESAMPLE_BACK]),
+        SectionFigures.of(WHOLE, times.of(WHOLE), best, anatomy.gflop, peak_mb),
+        (around[RESAMPLE], *inside, SectionFigures.of(REST, rest_ms, best), around[RESAMPLE_BACK]),
     )

@@ -1,4 +1,4 @@
-"""Memory: of one call by what it allocates, of a whole network by a process of its own."""
+"""Measures memory: of one call by its allocations, of a whole network in a process of its own."""
 
 from __future__ import annotations
 

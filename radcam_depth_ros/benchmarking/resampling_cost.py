@@ -1,4 +1,4 @@
-"""What the estimator does around the network for a camera whose image has twice the network's size."""
+"""Times the estimator's resampling for a camera whose image has twice the network's size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Timing several things in one process so that a busy moment of the machine hits all of them alike."""
+"""Times several tasks in turns, so that a busy moment of the machine hits all of them alike."""
 
 from __future__ import annotations
 

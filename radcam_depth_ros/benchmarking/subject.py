@@ -1,4 +1,4 @@
-"""What is measured: a network, how it is run, and what it is given."""
+"""The subject of a measurement: a network, how it is run, and its inputs."""
 
 from __future__ import annotations
 
@@ -137,12 +137,12 @@ class Loaded:
         return self.archive.network
 
     @property
-    def stages(self) -> tuple[tuple[str, str], ...]:
-        """Names and paths of the stages that this architecture has; none for an export, which is one piece."""
+    def sections(self) -> tuple[tuple[str, str], ...]:
+        """Names and paths of the sections that this architecture has; none for an export, which is one piece."""
         if not isinstance(self.network, Network):
             return ()
         paths = {path for path, module in self.network.named_modules() if not isinstance(module, nn.Identity)}
-        return tuple((name, path) for name, path in self.network.stages if path in paths)
+        return tuple((name, path) for name, path in self.network.sections if path in paths)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ def export(
 
     Example: radcam-depth export out/baff.pt --network baff
     """
-    from radcam_depth_ros.networks.weights_io import archive
+    from radcam_depth_ros.networks.weights_io import archive, torchscript
 
-    archive.export(archive.load(model or network or NETWORK), out)
+    torchscript.export(archive.load(model or network or NETWORK), out)
     typer.echo(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB", err=True)

@@ -1,4 +1,4 @@
-"""Calling a network frame by frame, without anything that is kept between frames."""
+"""Calls a network frame by frame, without state between frames."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_p
 from radcam_depth_ros.engine.sharing import ThreadBudget
 from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.layers.number_formats import convert
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import torchscript
 from radcam_depth_ros.networks.weights_io.folding import folded
 
 MODES = ("frozen", "eager")
@@ -63,7 +63,7 @@ class Engine:
         elif place.type == "cuda":
             self._calls = CudaGraphs(folded(network, dtype, place), place, dtype)
         else:
-            self._calls = PlainCalls(archive.freeze(network, dtype), place, dtype)
+            self._calls = PlainCalls(torchscript.freeze(network, dtype), place, dtype)
             give_back_memory()
         self._sizes: set[tuple[int, int]] = set()
         self._threads = threads or min(torch.get_num_threads(), usable_cores())

@@ -1,4 +1,4 @@
-"""A network as CUDA graphs: all its kernels started by one call.
+"""Runs a network as CUDA graphs: one call starts all its kernels.
 
 Not yet run on a GPU: written on machines without one, and tested there as far as that goes.
 """

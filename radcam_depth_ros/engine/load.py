@@ -1,4 +1,4 @@
-"""What else runs on the computer: cores that this process may use, how busy they are, how long its threads wait."""
+"""Measures the load of the computer: usable cores, how busy they are, how long this process's threads wait."""
 
 from __future__ import annotations
 

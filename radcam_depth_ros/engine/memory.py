@@ -1,4 +1,4 @@
-"""What the C library keeps of freed memory, and when it gives it back to the system; where it is glibc."""
+"""Sets how glibc keeps freed memory, and when it returns it to the system."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The number format that a network runs in: as asked, as the environment says, or as suits the hardware."""
+"""Chooses a network's number format: as asked, as the environment says, or as suits the hardware."""
 
 from __future__ import annotations
 

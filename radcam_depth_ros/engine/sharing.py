@@ -1,4 +1,4 @@
-"""How many threads a network takes on a computer that does other work as well.
+"""Chooses the number of a network's threads on a computer that does other work as well.
 
 The threads of a network wait for each other hundreds of times a frame. One that has no core then holds up all others:
 on two cores beside one busy process a frame takes five times as long in two threads, in one less than twice as long.

@@ -1,4 +1,4 @@
-"""Which threads compute: OpenMP's are shared out once for each thread that ever asks for some."""
+"""Keeps few threads computing: `apart` computes in a thread that ends, `offline_threads` is the number for commands."""
 
 from __future__ import annotations
 

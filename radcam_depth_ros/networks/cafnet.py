@@ -16,7 +16,7 @@ from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import Patches, around, check_patch, covered
 from radcam_depth_ros.networks.layers.planar_guidance import ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
-from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
+from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, Levels, ResNet
 from radcam_depth_ros.networks.layers.sparse import SparseConv
 from radcam_depth_ros.networks.registry import register
 
@@ -64,7 +64,7 @@ class CafnetOutputs(NamedTuple):
     features: DistillationFeatures
 
 
-class RadarEncoder(Stages):
+class RadarEncoder(Levels):
     """ResNet-18 of three channels that are no colours: maps of `CHANNELS` at 1/2, 1/4, 1/8, 1/16, 1/32."""
 
     def __init__(self) -> None:
@@ -73,7 +73,7 @@ class RadarEncoder(Stages):
         self.bn1 = nn.BatchNorm2d(CHANNELS[0])
 
     def forward(self, x: Tensor) -> list[Tensor]:
-        return self.stages(functional.relu(self.bn1(self.conv1(x))))
+        return self.levels(functional.relu(self.bn1(self.conv1(x))))
 
 
 class SparseStem(nn.Module):
@@ -152,7 +152,7 @@ class Cafnet(SinglePass):
         "ground",
         "decoder",
     )
-    stages = (
+    sections = (
         ("image encoder", "image_encoder"),
         ("radar, coarse", "sparse"),
         ("radar, coarse", "coarse_encoder"),

@@ -1,4 +1,4 @@
-"""What the architecture of every network has."""
+"""Holds the base of all networks' architectures, and its checks."""
 
 from dataclasses import dataclass
 

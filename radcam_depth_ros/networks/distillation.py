@@ -1,4 +1,4 @@
-"""What a network tells of its insides, so that one can teach another."""
+"""Holds the feature maps that distillation compares between two networks."""
 
 from typing import NamedTuple
 

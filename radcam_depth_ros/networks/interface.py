@@ -1,4 +1,4 @@
-"""What every network takes and gives.
+"""Defines the inputs and outputs of every network.
 
 A network is called as `network(image, radar, valid, ground) -> Depths`:
 
@@ -88,9 +88,9 @@ class Network(nn.Module):
         config_type: The frozen dataclass of the architecture.
         config: Its instance: architecture only, no loss weights, paths or devices.
         parts: Names of the submodules that can be trained one by one.
-        stages: What `radcam-depth bench` measures by itself, in order: a name to show, and the path of a submodule
+        sections: What `radcam-depth bench` measures by itself, in order: a name to show, and the path of a submodule
             that a forward pass calls exactly once ("fusion.image_encoder"); none lies within another. Submodules of
-            one name are one stage together; paths that an architecture lacks, or has an `Identity` at, are left out.
+            one name are one section together; paths that an architecture lacks, or has an `Identity` at, are left out.
         backbones: Names of the submodules that take the weights of public checkpoints.
         adjustable: Names of the config's values that no weight depends on: they may be changed after training.
         trained_like: Name of the network whose losses and recipe it is trained by; empty for its own.
@@ -101,7 +101,7 @@ class Network(nn.Module):
     about: ClassVar[str] = ""
     config_type: ClassVar[type[Any]]
     parts: ClassVar[tuple[str, ...]] = ()
-    stages: ClassVar[tuple[tuple[str, str], ...]] = ()
+    sections: ClassVar[tuple[tuple[str, str], ...]] = ()
     backbones: ClassVar[tuple[str, ...]] = ()
     adjustable: ClassVar[tuple[str, ...]] = ()
     trained_like: ClassVar[str] = ""

@@ -175,7 +175,7 @@ class Lircdepth(SinglePass):
     about = "two light encoders, learns from cafnet (LiRCDepth, 2025)"
     config_type = LircdepthConfig
     parts = ("image_encoder", "image_affinity", "radar_encoder", "radar_affinity", "ground", "decoder", "confidence")
-    stages = (
+    sections = (
         ("image encoder", "image_encoder"),
         ("affinity", "image_affinity"),
         ("radar encoder", "radar_encoder"),

@@ -1,4 +1,4 @@
-"""The networks by name. Registering a network makes it available everywhere: the contract tests run over all names."""
+"""Finds networks by name. A registered network is available to every command, and the contract tests run over all."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar

@@ -18,7 +18,7 @@ from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_cautio
 from radcam_depth_ros.networks.layers.ground import GroundPrior
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, draw_nearest, plane_to_depth
-from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, ResNet, Stages
+from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, Levels, ResNet
 from radcam_depth_ros.networks.layers.sparse import SparseConv
 from radcam_depth_ros.networks.layers.up_projection import LEVELS, UpDecoder
 from radcam_depth_ros.networks.registry import register
@@ -104,7 +104,7 @@ class RadarEncoder(nn.Module):
         self.sparse = nn.ModuleList([SparseConv(1, width, 7, stride=2), *others])
         self.activation = nn.ReLU()
         self.coarse = SparseConv(width, 1, 1, in_float32=True)
-        self.residual = Stages(blocks, channels)
+        self.residual = Levels(blocks, channels)
 
     def forward(self, plane: Tensor, known: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Takes (B, 1, H, W), 0 where unknown, and 1 where it is known.
@@ -131,7 +131,7 @@ class Structured(SinglePass):
     about = "a decoder for each part of the scene; class image (Sensors 2023)"
     config_type = StructuredConfig
     parts = ("image_encoder", "radar_encoder", "join", "ground", "decoders", "class_decoder", "confidence")
-    stages = (
+    sections = (
         ("image encoder", "image_encoder"),
         ("radar encoder", "radar_encoder"),
         ("joining", "join"),

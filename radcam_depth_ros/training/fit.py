@@ -1,4 +1,4 @@
-"""One loop for every network: batches, losses, optimiser, averaged weights, validation, checkpoints."""
+"""The training loop of every network: batches, losses, optimiser, averaged weights, validation, checkpoints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from radcam_depth_ros.training.observer import Observer, StepReport, ValidationR
 from radcam_depth_ros.training.optimiser import optimiser_of
 from radcam_depth_ros.training.page import panels_of, write_page
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
+from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
 from radcam_depth_ros.training.teacher import Teacher
 from radcam_depth_ros.training.validation import ValidationResult, validate
 
@@ -124,8 +124,8 @@ class Trainer:
         self.network = networks.create(network, config.architecture)
         _check_parts(self.network, network, config)
         self._criterion = Criterion.of(network, config.loss)
-        for stage in config.stages:
-            self._ranks.part_of(stage.batch)
+        for phase in config.phases:
+            self._ranks.part_of(phase.batch)
         self._validation = _spread(data.validation, config.validation.frames)
         self._rehearsal = _spread(data.rehearsal_validation, config.validation.frames)
         if sources.initial is not None and not resume:
@@ -175,7 +175,7 @@ class Trainer:
         is_stopped = self._agree(should_stop())
         with ThreadPoolExecutor(self._config.loader_threads, "batches") as pool:
             while not is_stopped and not self._is_finished():
-                is_stopped = self._run_stage(self._config.stage(self._progress()), should_stop, pool)
+                is_stopped = self._run_phase(self._config.phase(self._progress()), should_stop, pool)
         finished = self._is_finished()
         if finished and self.state.validated_step != self.state.step:
             self._validate()
@@ -202,34 +202,34 @@ class Trainer:
             save_checkpoint(self._folder / CHECKPOINT, self.state, self._working)
         self._saved_at = time.monotonic()
 
-    def _run_stage(self, stage: StageConfig, should_stop: Callable[[], bool], pool: ThreadPoolExecutor) -> bool:
-        """Iterates until the stage or the run ends; whether somebody stopped it."""
+    def _run_phase(self, phase: PhaseConfig, should_stop: Callable[[], bool], pool: ThreadPoolExecutor) -> bool:
+        """Iterates until the phase or the run ends; whether somebody stopped it."""
         tallest, widest = self._data.largest
-        sizes = [(min(height, tallest), min(width, widest)) for height, width in stage.crops]
-        count = self._ranks.part_of(stage.batch)
+        sizes = [(min(height, tallest), min(width, widest)) for height, width in phase.crops]
+        count = self._ranks.part_of(phase.batch)
         place = self.state.position + self._ranks.rank * count
         ahead = self._config.loader_threads + 2
-        with closing(prefetch(self._maker, place, count, sizes, pool, ahead, stage.batch)) as batches:
+        with closing(prefetch(self._maker, place, count, sizes, pool, ahead, phase.batch)) as batches:
             while not self._agree(should_stop()):
-                if self._is_finished() or self._config.stage(self._progress()) is not stage:
+                if self._is_finished() or self._config.phase(self._progress()) is not phase:
                     return False
                 started = time.monotonic()
-                losses = self._iterate(next(batches), stage)
+                losses = self._iterate(next(batches), phase)
                 self.state.step += 1
-                self.state.position += stage.batch
+                self.state.position += phase.batch
                 self.state.recent.add(losses)
                 seconds = time.monotonic() - started
                 self._speed = seconds if self._speed == 0 else 0.95 * self._speed + 0.05 * seconds
                 self._after_step()
         return True
 
-    def _iterate(self, batch: Batch, stage: StageConfig) -> dict[str, float]:
+    def _iterate(self, batch: Batch, phase: PhaseConfig) -> dict[str, float]:
         optimiser, config = self._working.optimiser, self._config.optimiser
         rate = config.rate(self.state.step, self._progress())
         for group in optimiser.param_groups:
             group["lr"] = rate * group["factor"]
         batch = batch.to(self._precision.device)
-        self._choose_parts(stage)
+        self._choose_parts(phase)
         with self._precision.autocast():
             outputs = self.network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
         total, parts = self._criterion(outputs, batch, self.network.config.max_depth_m, self._ranks)
@@ -252,9 +252,9 @@ class Trainer:
         self._working.averaged.update(self.network, self.state.step)
         return {**values, "gradient_norm": float(norm)}
 
-    def _choose_parts(self, stage: StageConfig) -> None:
-        """Lets the stage's parts learn; the others keep their weights and statistics."""
-        learning = stage.parts or self.network.parts
+    def _choose_parts(self, phase: PhaseConfig) -> None:
+        """Lets the phase's parts learn; the others keep their weights and statistics."""
+        learning = phase.parts or self.network.parts
         self.network.train()
         for name, part in self.network.named_children():
             if name in self.network.parts:
@@ -385,7 +385,7 @@ def _few(samples: Sequence[TrainingSample]) -> list[tuple[int, TrainingSample]]:
 
 
 def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -> None:
-    for named in (*(stage.parts for stage in config.stages), config.optimiser.part_rates):
+    for named in (*(phase.parts for phase in config.phases), config.optimiser.part_rates):
         unknown = sorted(set(named) - set(network.parts))
         if unknown:
             raise TrainingError(

@@ -1,4 +1,4 @@
-"""Weights that a training starts from, and how much of them is kept."""
+"""Loads the weights that a training starts from, and blends them with the trained ones."""
 
 from __future__ import annotations
 

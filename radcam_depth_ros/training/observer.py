@@ -1,4 +1,4 @@
-"""Who follows a run, and what they are told."""
+"""The observer of a run, and the reports that it is given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run as one HTML page: what it is made of, its curves, and frames that it has not seen."""
+"""Writes a run as one HTML page: its recipe, its curves, and held-out frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run is made of, as its folder keeps it: data, recipe, and where the weights came from."""
+"""Reads and writes the plan of a run: data, recipe, and sources of its weights."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,12 +19,16 @@ from radcam_depth_ros.training.losses.distillation import DistillationConfig
 from radcam_depth_ros.training.precision import Precision
 
 
+class RecipeWarning(UserWarning):
+    """A recipe of an earlier version, read as what it is called now."""
+
+
 @dataclass(frozen=True)
-class StageConfig:
+class PhaseConfig:
     """A stretch of training.
 
     Attributes:
-        share: Its share of the whole training; the shares of all stages sum to 1.
+        share: Its share of the whole training; the shares of all phases sum to 1.
         crops: Heights and widths, multiples of 32; each batch takes one of them at random. Images come in many shapes,
             and a network that has seen one alone takes its border for a part of the street.
         batch: Samples an iteration.
@@ -40,7 +45,7 @@ class StageConfig:
         if not sides or min(sides) < 32 or any(side % 32 for side in sides):
             raise TrainingError(f"crops must have sides that are multiples of 32, got {list(self.crops)}")
         if self.batch < 1 or self.share <= 0:
-            raise TrainingError(f"a stage needs a batch and a share above 0, got {self.batch} and {self.share}")
+            raise TrainingError(f"a phase needs a batch and a share above 0, got {self.batch} and {self.share}")
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,7 @@ class TrainingConfig:
         log_every_iterations: Between two lines of training losses.
         checkpoint_every_minutes: Between two checkpoints.
         tensorboard: Write the losses for TensorBoard as well.
-        stages: Crops, and which parts learn.
+        phases: Crops, and which parts learn.
         optimiser: Optimiser.
         loss: Weights and thresholds of the network's losses that differ from their defaults, see `criterion`.
         distillation: Weights of what a teacher tells, if there is one.
@@ -152,7 +157,7 @@ class TrainingConfig:
     log_every_iterations: int
     checkpoint_every_minutes: float
     tensorboard: bool
-    stages: tuple[StageConfig, ...]
+    phases: tuple[PhaseConfig, ...]
     optimiser: OptimiserConfig
     loss: Mapping[str, Any]
     distillation: DistillationConfig
@@ -163,8 +168,8 @@ class TrainingConfig:
     initial_share: float
 
     def __post_init__(self) -> None:
-        if not self.stages or abs(sum(stage.share for stage in self.stages) - 1) > 1e-6:
-            raise TrainingError(f"the shares of all stages must sum to 1, got {[s.share for s in self.stages]}")
+        if not self.phases or abs(sum(phase.share for phase in self.phases) - 1) > 1e-6:
+            raise TrainingError(f"the shares of all phases must sum to 1, got {[s.share for s in self.phases]}")
         if self.precision not in ("auto", "float32", "bfloat16"):
             raise TrainingError(f"precision must be 'auto', 'float32' or 'bfloat16', got {self.precision!r}")
         if min(self.iterations, self.threads, self.loader_threads, self.log_every_iterations) < 1:
@@ -180,14 +185,14 @@ class TrainingConfig:
         chosen = Precision.choose(self.precision, self.device)
         return replace(self, precision=str(chosen.dtype).removeprefix("torch."))
 
-    def stage(self, progress: float) -> StageConfig:
-        """The stage at `progress` (0 to 1) of the way through the training."""
+    def phase(self, progress: float) -> PhaseConfig:
+        """The phase at `progress` (0 to 1) of the way through the training."""
         reached = 0.0
-        for stage in self.stages[:-1]:
-            reached += stage.share
+        for phase in self.phases[:-1]:
+            reached += phase.share
             if progress < reached:
-                return stage
-        return self.stages[-1]
+                return phase
+        return self.phases[-1]
 
 
 FINE_TUNING = "fine_tune"
@@ -216,6 +221,10 @@ def build(values: Mapping[str, Any], source: str = "the recipe") -> TrainingConf
         ConfigurationError: for an unknown key, or a value of the wrong type.
         TrainingError: for values that do not fit together.
     """
+    values = dict(values)
+    if "stages" in values:
+        warnings.warn(f"{source} is of an earlier version: stages are called phases now", RecipeWarning, stacklevel=2)
+        values["phases"] = values.pop("stages")
     return configuration.overlaid(_defaults(), values, source)
 
 

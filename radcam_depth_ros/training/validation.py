@@ -1,4 +1,4 @@
-"""Judges weights on held-out frames while they are trained: few numbers, quickly. `evaluation` has all measures."""
+"""Validates weights on held-out frames during training by a few metrics. `evaluation` has all of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tiny network with stages."""
+"""A tiny network with sections."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Tiny(Network):
     """A convolution and its norm, attention over a quarter of the size, and a head."""
 
     config_type = TinyConfig
-    stages = (("encoder", "encoder"), ("attention", "attention"), ("heads", "head"), ("heads", "tail.0"))
+    sections = (("encoder", "encoder"), ("attention", "attention"), ("heads", "head"), ("heads", "tail.0"))
     paper = MappingProxyType({"width": 16})
 
     def __init__(self, config: TinyConfig) -> None:

@@ -12,10 +12,10 @@ from radcam_depth_ros.benchmarking import comparison, machine, measurement, memo
 from radcam_depth_ros.benchmarking.comparison import Against
 from radcam_depth_ros.benchmarking.measurement import measure
 from radcam_depth_ros.benchmarking.rotation import Schedule
-from radcam_depth_ros.benchmarking.stages import count_gflop, dissect
+from radcam_depth_ros.benchmarking.sections import count_gflop, dissect
 from radcam_depth_ros.benchmarking.subject import BenchmarkError, NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.networks import names, registry
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 
 SIZE = Size(32, 64, 5)
 PIXELS = 32 * 64
@@ -50,12 +50,12 @@ def test_stages_are_counted_and_run(tiny: str, mode: str) -> None:
     running = Running.start(Subject(tiny, mode=mode))
     inputs = NetworkInputs.synthetic(SIZE, running.focal_length_px)
     anatomy = dissect(running, inputs)
-    assert [stage.name for stage in anatomy.stages] == ["encoder", "attention", "heads", "heads"]
+    assert [section.name for section in anatomy.sections] == ["encoder", "attention", "heads", "heads"]
     expected = gflop_of_tiny(8)
     for name, gflop in expected.items():
-        assert sum(stage.gflop for stage in anatomy.stages if stage.name == name) == pytest.approx(gflop)
+        assert sum(section.gflop for section in anatomy.sections if section.name == name) == pytest.approx(gflop)
     assert anatomy.gflop == pytest.approx(sum(expected.values())) == count_gflop(running, inputs)
-    encoder = anatomy.stages[0]
+    encoder = anatomy.sections[0]
     assert encoder.task.call().shape == (1, 8, 32, 64)
     # Its output is held at least, and a handful of such maps at most.
     assert 8 * PIXELS * 4 / 2**20 <= encoder.peak_memory_mb < 1
@@ -63,15 +63,15 @@ def test_stages_are_counted_and_run(tiny: str, mode: str) -> None:
 
 def test_stages_that_an_architecture_lacks_are_left_out(tiny: str) -> None:
     running = Running.start(Subject(tiny, architecture={"has_tail": False}))
-    assert [path for _, path in running.loaded.stages] == ["encoder", "attention", "head"]
+    assert [path for _, path in running.loaded.sections] == ["encoder", "attention", "head"]
 
 
 def test_an_exported_network_is_one_piece(tmp_path: Path, small_weights: Path) -> None:
     path = tmp_path / "baff.pt"
-    archive.export(archive.load(small_weights), path)
+    torchscript.export(archive.load(small_weights), path)
     running = Running.start(Subject(model_file=str(path)))
     anatomy = dissect(running, NetworkInputs.synthetic(SIZE, running.focal_length_px))
-    assert not anatomy.stages
+    assert not anatomy.sections
     assert anatomy.gflop > 0
 
 
@@ -80,14 +80,14 @@ def test_each_stage_of_the_networks_is_there_and_called_once(name: str) -> None:
     found: set[tuple[str, str]] = set()
     for architecture in ({}, {} if registry.find(name).paper_network else registry.find(name).paper):
         running = Running.start(Subject(name, architecture=architecture, mode="eager"))
-        network, stages = running.loaded.network, running.loaded.stages
-        found.update(stages)
+        network, sections = running.loaded.network, running.loaded.sections
+        found.update(sections)
         calls: list[str] = []
-        for _, path in stages:
+        for _, path in sections:
             network.get_submodule(path).register_forward_pre_hook(lambda *_, path=path, calls=calls: calls.append(path))
         network(torch.zeros(1, 3, 32, 32), torch.ones(1, 2, 6), torch.ones(1, 2).bool(), torch.zeros(1, 4))
-        assert calls == [path for _, path in stages]
-    assert found == set(registry.find(name).stages)
+        assert calls == [path for _, path in sections]
+    assert found == set(registry.find(name).sections)
 
 
 @pytest.mark.parametrize("name", names())
@@ -119,7 +119,7 @@ def test_everything_is_measured(tiny: str) -> None:
     best = values["machine"]["best_gflops"]["float32"]["convolution"]
     assert row["share_of_best"] == pytest.approx(1e3 * row["gflop"] / row["median_ms"] / best, rel=1e-3)
     around = ["resample", "encoder", "attention", "heads", "the rest", "resample back"]
-    assert [stage["name"] for stage in row["stages"]] == around
+    assert [section["name"] for section in row["stages"]] == around
     assert row["stages"][1]["gflop"] == pytest.approx(gflop_of_tiny(8)["encoder"], rel=1e-3)
     assert row["stages"][0]["gflop"] is None
 

@@ -16,7 +16,7 @@ from radcam_depth_ros.benchmarking.comparison import Against
 from radcam_depth_ros.benchmarking.subject import Loaded, Size, Subject
 from radcam_depth_ros.cli.terminal.bench_request import parse_against
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import torchscript
 
 SIZE = Size(448, 800, 60)
 
@@ -65,7 +65,7 @@ def test_what_cannot_be_held_against(parse: Callable[[str], Against], spec: str,
 @pytest.fixture(scope="module")
 def _made_ready_once() -> Iterator[None]:
     """Networks are loaded, and they and their stages frozen, once for all runs: that is most of the time of a run."""
-    load, freeze = Subject.load, archive.freeze
+    load, freeze = Subject.load, torchscript.freeze
     loaded: dict[str, Loaded] = {}
     frozen: dict[tuple[nn.Module, torch.dtype], torch.jit.ScriptModule] = {}
 
@@ -82,7 +82,7 @@ def _made_ready_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Subject, "load", load_once)
-        patch.setattr(archive, "freeze", freeze_once)
+        patch.setattr(torchscript, "freeze", freeze_once)
         yield
 
 

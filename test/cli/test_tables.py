@@ -16,9 +16,9 @@ from radcam_depth_ros.benchmarking.figures import (
     AgainstFigures,
     Description,
     PairFigures,
+    SectionFigures,
     SideFigures,
     SizeFigures,
-    StageFigures,
 )
 from radcam_depth_ros.benchmarking.figures import Report as BenchReport
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT, Machine
@@ -144,9 +144,9 @@ def test_inspect(printed: Callable[[], str]) -> None:
 def bench_report() -> BenchReport:
     sizes = (Size(448, 800, 60), Size(1248, 2048, 100_000), Size(320, 1024, 60))
     stages = tuple(
-        StageFigures(f"stage {n} of the network", 1234.0 + n, 2345.0 + n, 345.6, 0.97, 456.7) for n in (1, 2, 3)
+        SectionFigures(f"stage {n} of the network", 1234.0 + n, 2345.0 + n, 345.6, 0.97, 456.7) for n in (1, 2, 3)
     )
-    whole = StageFigures("whole", 12345.0, 23456.0, 3456.7, 0.5, 4567.8)
+    whole = SectionFigures("whole", 12345.0, 23456.0, 3456.7, 0.5, 4567.8)
     pairs = tuple(
         PairFigures(SideFigures(size, 54321.0, 1.0, 4567.0), SideFigures(size, 65432.0, 1.0, 5678.0), (1.25, 1.5), 1.75)
         for size in sizes

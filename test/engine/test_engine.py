@@ -17,7 +17,7 @@ from radcam_depth_ros.engine.calls import blank_frame
 from radcam_depth_ros.engine.load import Load
 from radcam_depth_ros.engine.sharing import ThreadBudget
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.networks.weights_io.folding import folded
 
 Frame = tuple[Tensor, Tensor, Tensor]
@@ -139,7 +139,7 @@ def test_auto_is_float32_for_the_reference_and_one_of_both_else() -> None:
 
 def test_an_export_runs_in_float32_and_refuses_the_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     network = tiny()
-    exported = archive.freeze(network)
+    exported = torchscript.freeze(network)
     engine = Engine(exported)
     assert engine.describe() == "float32 (as exported)"
     torch.testing.assert_close(engine.run(*frame()).dense, reference(network, frame()).dense, rtol=1e-4, atol=1e-4)
@@ -245,7 +245,7 @@ class Budget:
 
 def counting_engine(monkeypatch: pytest.MonkeyPatch, threads: int, cores: int = 4) -> tuple[Counting, Engine]:
     """An engine of a frozen network as Python, so that it can look around."""
-    monkeypatch.setattr(archive, "freeze", lambda network, dtype: network)
+    monkeypatch.setattr(torchscript, "freeze", lambda network, dtype: network)
     monkeypatch.setattr(engine_module, "usable_cores", lambda: cores)
     network = Counting().eval()
     return network, Engine(network, precision="float32", threads=threads)

@@ -101,7 +101,7 @@ def test_a_training_is_done_once(tmp_path: Path, started: list[list[str]]) -> No
     assert [command[index + 1] for index, word in enumerate(command) if word == "--bags"] == ["a", "b"]
     assert "--resume" not in command
     recipe = load(Path(command[command.index("--config") + 1]))
-    assert (recipe.iterations, recipe.stages[0].batch, recipe.architecture) == (20, 4, {"bidirectional": False})
+    assert (recipe.iterations, recipe.phases[0].batch, recipe.architecture) == (20, 4, {"bidirectional": False})
     with pytest.raises(SystemExit, match="trained by another recipe"):
         make_training(tmp_path / "run", iterations=30).run()
 

@@ -16,12 +16,12 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError
-from radcam_depth_ros.networks.baff.head import BINS, CANDIDATES, FARTHEST_BIN, NEAREST_BIN, Choice
+from radcam_depth_ros.networks.baff.head import CANDIDATES, DEPTH_BINS, FARTHEST_BIN, NEAREST_BIN, Choice
 from radcam_depth_ros.networks.baff.network import Baff
 from radcam_depth_ros.networks.baff_paper.network import BaffPaper
 from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, plane_to_depth
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import torchscript
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
 BAFF_FORMS: dict[str, tuple[str, dict[str, object]]] = {
@@ -186,7 +186,7 @@ def test_association_and_candidates_have_depths(baff_form: tuple[str, dict[str, 
     assert trained.any()
     if candidates is not None:
         assert candidates.logits.shape == candidates.depth_m.shape
-        assert candidates.logits.shape[:2] == (2, CANDIDATES + BINS)
+        assert candidates.logits.shape[:2] == (2, CANDIDATES + DEPTH_BINS)
 
 
 @pytest.mark.parametrize("count", [0, 7])
@@ -198,7 +198,7 @@ def test_training_and_inference_agree(network: Network, count: int) -> None:
 
 
 def test_script_equals_eager(network: Network) -> None:
-    frozen = archive.freeze(network)
+    frozen = torchscript.freeze(network)
     for count in (0, 3, 17):
         inputs = make_inputs(1, 64, 96, count)
         with torch.inference_mode():
@@ -340,9 +340,9 @@ def test_depths_that_nothing_suggests_can_be_chosen() -> None:
     network = networks.create("baff", {"road": False}).eval()
     image, radar, valid, _ = make_inputs(1, 64, 96, 0)
     with torch.no_grad():
-        network.get_parameter("fusion.head.1.bias")[-BINS + 4] = 20.0
+        network.get_parameter("fusion.head.1.bias")[-DEPTH_BINS + 4] = 20.0
         depths = network(image, radar, valid, torch.full((1, 4), float("nan")))
-    expected = plane_to_depth(torch.linspace(NEAREST_BIN, FARTHEST_BIN, BINS)[4], 1.0, 100.0)
+    expected = plane_to_depth(torch.linspace(NEAREST_BIN, FARTHEST_BIN, DEPTH_BINS)[4], 1.0, 100.0)
     torch.testing.assert_close(depths.dense, expected.expand_as(depths.dense), rtol=1e-3, atol=0.0)
 
 

@@ -14,7 +14,7 @@ from radcam_depth_ros.networks.layers.rasterise import depth_to_plane
 from radcam_depth_ros.networks.layers.sparse import SparseConv
 from radcam_depth_ros.networks.layers.up_projection import UpDecoder, UpProjection
 from radcam_depth_ros.networks.structured import Structured
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import torchscript
 from radcam_depth_ros.networks.weights_io.folding import folded
 
 NAN = float("nan")
@@ -194,7 +194,7 @@ def test_a_script_segments_as_the_network_does() -> None:
     with torch.no_grad():
         network.train()(*given)
         network.eval()
-    frozen = archive.freeze(network)
+    frozen = torchscript.freeze(network)
     with torch.inference_mode():
         expected = network.outputs(*given)
         for _ in range(3):

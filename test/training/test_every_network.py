@@ -15,9 +15,9 @@ from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.initial import Sources
-from radcam_depth_ros.training.recipe import StageConfig
+from radcam_depth_ros.training.recipe import PhaseConfig
 
-ONCE = dataclasses.replace(CONFIG, iterations=1, log_every_iterations=1, stages=(StageConfig(1.0, ((64, 64),), 2),))
+ONCE = dataclasses.replace(CONFIG, iterations=1, log_every_iterations=1, phases=(PhaseConfig(1.0, ((64, 64),), 2),))
 SMALL: dict[str, dict[str, object]] = {
     "baff": {"channels": [8, 8, 8, 8]},
     "baseline": {"channels": [8, 8, 8, 8]},

@@ -14,7 +14,7 @@ from small_training import CONFIG, RECIPE, Miniature, Watch, data_of
 from torch import Tensor
 
 from radcam_depth_ros.networks import TrainOutputs, registry
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
@@ -22,7 +22,7 @@ from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.initial import Sources
-from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
+from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
 from radcam_depth_ros.training.validation import ValidationResult
 
 
@@ -100,7 +100,7 @@ def test_a_few_samples_are_learned_by_heart(tmp_path: Path, data: TrainingData) 
         RECIPE,
         iterations=60,
         log_every_iterations=5,
-        stages=(StageConfig(1.0, ((64, 128),), 2),),
+        phases=(PhaseConfig(1.0, ((64, 128),), 2),),
         optimiser=replace(RECIPE.optimiser, learning_rate=1e-2, warm_up_iterations=3, average_decay=0.5),
         augmentation=plain,
         validation=replace(RECIPE.validation, every_iterations=100, frames=1),
@@ -112,7 +112,7 @@ def test_a_few_samples_are_learned_by_heart(tmp_path: Path, data: TrainingData) 
 
 @pytest.mark.usefixtures("number_format")
 def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
-    config = dataclasses.replace(CONFIG, iterations=2, stages=(StageConfig(1.0, ((64, 64),), 2),))
+    config = dataclasses.replace(CONFIG, iterations=2, phases=(PhaseConfig(1.0, ((64, 64),), 2),))
     result, trainer, _ = run(data, tmp_path / "run", config, network="baff")
     assert result.finished
     assert archive.load(result.archive or "").card.network == "baff"
@@ -121,8 +121,8 @@ def test_baff_is_trained_and_saved(tmp_path: Path, data: TrainingData) -> None:
 
 @pytest.mark.usefixtures("number_format")
 def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> None:
-    stages = (StageConfig(0.5, ((64, 64),), 1, ("association",)), StageConfig(0.5, ((64, 64),), 1, ("fusion",)))
-    config = dataclasses.replace(CONFIG, iterations=2, stages=stages)
+    phases = (PhaseConfig(0.5, ((64, 64),), 1, ("association",)), PhaseConfig(0.5, ((64, 64),), 1, ("fusion",)))
+    config = dataclasses.replace(CONFIG, iterations=2, phases=phases)
     states: list[dict[str, Tensor]] = []
     for steps in (0, 1, 2):
         _, trainer, _ = run(data, tmp_path / "run", config, steps > 0, stop_after=steps, network="baff")
@@ -138,7 +138,7 @@ def test_parts_learn_at_their_own_rates(tmp_path: Path, data: TrainingData) -> N
     for factor in (0.0, 0.1, 1.0):
         optimiser = dataclasses.replace(CONFIG.optimiser, part_rates={"association": factor})
         config = dataclasses.replace(
-            CONFIG, iterations=1, stages=(StageConfig(1.0, ((64, 64),), 1),), optimiser=optimiser
+            CONFIG, iterations=1, phases=(PhaseConfig(1.0, ((64, 64),), 1),), optimiser=optimiser
         )
         states: list[Tensor] = []
         for steps in (0, 1):
@@ -153,7 +153,7 @@ def test_parts_learn_at_their_own_rates(tmp_path: Path, data: TrainingData) -> N
 @pytest.mark.parametrize(
     "given",
     [
-        {"stages": (StageConfig(1.0, ((64, 64),), 1, ("fusing",)),)},
+        {"phases": (PhaseConfig(1.0, ((64, 64),), 1, ("fusing",)),)},
         {"optimiser": dataclasses.replace(CONFIG.optimiser, part_rates={"fusing": 0.1})},
     ],
 )
@@ -184,7 +184,7 @@ def test_weights_of_another_architecture_are_no_start(tmp_path: Path, data: Trai
     with pytest.raises(TrainingError, match="are of 'miniature'"):
         run(data, tmp_path / "third", network="baff", initial=first.archive)
     export = tmp_path / "export.pt"
-    archive.export(archive.load("baff"), export)
+    torchscript.export(archive.load("baff"), export)
     with pytest.raises(TrainingError, match=r"an export cannot be trained; give the \.safetensors file"):
         run(data, tmp_path / "fourth", network="baff", initial=export)
 

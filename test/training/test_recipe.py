@@ -11,7 +11,15 @@ from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.precision import Precision
-from radcam_depth_ros.training.recipe import FINE_TUNING, StageConfig, TrainingConfig, build, load, recipe_of
+from radcam_depth_ros.training.recipe import (
+    FINE_TUNING,
+    PhaseConfig,
+    RecipeWarning,
+    TrainingConfig,
+    build,
+    load,
+    recipe_of,
+)
 
 NAMES = [*(name for name in registry.names() if registry.trained_as(name) == name), FINE_TUNING]
 
@@ -54,8 +62,8 @@ def test_what_is_measured_of_the_precision_is_kept() -> None:
 
 
 def test_stages_follow_one_another() -> None:
-    config = replace(RECIPE, stages=(StageConfig(0.7, ((32, 64),), 4), StageConfig(0.3, ((64, 96),), 2)))
-    assert [config.stage(progress).batch for progress in (0.0, 0.69, 0.71, 1.0)] == [4, 4, 2, 2]
+    config = replace(RECIPE, phases=(PhaseConfig(0.7, ((32, 64),), 4), PhaseConfig(0.3, ((64, 96),), 2)))
+    assert [config.phase(progress).batch for progress in (0.0, 0.69, 0.71, 1.0)] == [4, 4, 2, 2]
 
 
 def test_learning_rates() -> None:
@@ -70,9 +78,9 @@ def test_learning_rates() -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"stages": [{"share": 0.5, "crops": [[64, 64]], "batch": 1}]}, "sum to 1"),
-        ({"stages": [{"share": 1, "crops": [[60, 64]], "batch": 1}]}, "multiples of 32"),
-        ({"stages": [{"share": 1, "crops": [[64, 64]], "batch": 0}]}, "a batch"),
+        ({"phases": [{"share": 0.5, "crops": [[64, 64]], "batch": 1}]}, "sum to 1"),
+        ({"phases": [{"share": 1, "crops": [[60, 64]], "batch": 1}]}, "multiples of 32"),
+        ({"phases": [{"share": 1, "crops": [[64, 64]], "batch": 0}]}, "a batch"),
         ({"optimiser": {"schedule": "linear"}}, "cosine"),
         ({"optimiser": {"learning_rate": -1}}, "learning_rate"),
         ({"optimiser": {"part_rates": {"road": -1}}}, "part_rates must not be negative, got -1"),
@@ -92,6 +100,12 @@ def test_learning_rates() -> None:
 def test_wrong_recipes_are_refused(wrong: dict[str, object], message: str) -> None:
     with pytest.raises(TrainingError, match=message):
         build(wrong)
+
+
+def test_a_recipe_of_an_earlier_version_is_read() -> None:
+    phases = [{"share": 1.0, "crops": [[64, 64]], "batch": 3}]
+    with pytest.warns(RecipeWarning, match="stages are called phases now"):
+        assert build({"stages": phases}) == build({"phases": phases})
 
 
 def test_an_unknown_key_is_told_with_its_neighbour() -> None:

@@ -10,7 +10,7 @@ from small_training import RECIPE
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks import Network
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.training.data.batches import Batch, collate
 from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.distributed.ranks import Ranks
@@ -69,6 +69,6 @@ def test_networks_that_tell_nothing_of_themselves_cannot_teach(tmp_path: Path, s
 
 def test_an_export_cannot_teach(tmp_path: Path, student: Network) -> None:
     path = tmp_path / "baff.pt"
-    archive.export(archive.load(save(tmp_path, "baff")), path)
+    torchscript.export(archive.load(save(tmp_path, "baff")), path)
     with pytest.raises(TrainingError, match=r"an export cannot teach; give the .safetensors file"):
         Teacher(path, student, RECIPE.distillation, PRECISION)

@@ -6,9 +6,9 @@ import math
 
 from rich.console import Console
 
-from radcam_depth_ros.benchmarking.figures import AgainstFigures, PairFigures, Report, SizeFigures, StageFigures
+from radcam_depth_ros.benchmarking.figures import AgainstFigures, PairFigures, Report, SectionFigures, SizeFigures
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT
-from radcam_depth_ros.benchmarking.stages import GFLOP_COUNTING
+from radcam_depth_ros.benchmarking.sections import GFLOP_COUNTING
 from radcam_depth_ros.benchmarking.subject import Size
 from radcam_depth_ros.reporting.terminal import print_table
 
@@ -42,7 +42,7 @@ def _print_stages(console: Console, entry: SizeFigures) -> None:
         console,
         f"stages at {entry.size}, {entry.rounds} rounds",
         ("stage", *COLUMNS),
-        tuple((stage.name, *_cells(stage)) for stage in entry.stages),
+        tuple((section.name, *_cells(section)) for section in entry.sections),
         "resample and resample back: for a camera whose image has twice the rows and columns; they are not in the "
         "whole",
     )
@@ -102,7 +102,7 @@ def _size(size: Size) -> tuple[str, str]:
     return f"{size.height} x {size.width}", str(size.points)
 
 
-def _cells(figures: StageFigures) -> tuple[str, ...]:
+def _cells(figures: SectionFigures) -> tuple[str, ...]:
     share = f"{100 * figures.share_of_best:.0f} %" if math.isfinite(figures.share_of_best) else ""
     median, p99, gflop, memory = map(
         _number, (figures.median_ms, figures.p99_ms, figures.gflop, figures.peak_memory_mb)

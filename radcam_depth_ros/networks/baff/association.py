@@ -1,4 +1,4 @@
-"""Stage 1 of `baff`: which pixels belong to which radar return ([Electronics2025], section 3.2).
+"""Stage 1 of `baff`: association of pixels with radar returns ([Electronics2025], section 3.2).
 
 Two forms. The paper's, a decoder pass over each return's region of the image, is in `regions`. `EmbeddingAssociation`
 costs one decoder pass however many returns there are: each pixel and each return get a vector, and
@@ -137,7 +137,7 @@ class EmbeddingAssociation(nn.Module):
     def train_outputs(
         self, image: Tensor, maps: list[Tensor], radar: Tensor, valid: Tensor
     ) -> tuple[Association, Tensor, Tensor, Tensor]:
-        """As `forward`, and before it the logits of all returns that a pixel considers."""
+        """As `forward`, and before it the logits of all returns that a pixel chooses between."""
         logits, depths, features = self._hypotheses(maps, radar, valid)
         best, depth = self._strongest(logits.detach(), depths)
         rows, columns = maps[3].shape[2], maps[3].shape[3]
@@ -152,12 +152,12 @@ class EmbeddingAssociation(nn.Module):
         return association, best, depth, features
 
     def _hypotheses(self, maps: list[Tensor], radar: Tensor, valid: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Logits (B, cells, K, 64) of the K returns that each cell considers, their depths (B, cells, K), features."""
+        """Logits (B, cells, K, 64) of the K returns of each cell, their depths (B, cells, K), features."""
         batch, rows, columns = maps[3].shape[0], maps[3].shape[2], maps[3].shape[3]
         x_1_8 = self.up_1_8(self.up_1_16(maps[3], maps[2]), maps[1])
         features = self.up_1_4(x_1_8, maps[0])
         pixels = self.pixel_head(features)
-        # As many padding rows as a cell considers, so that there are always enough.
+        # As many padding rows as a cell has returns, so that there are always enough.
         radar = functional.pad(radar, (0, 0, 0, self.returns_per_cell), value=1.0)
         valid = functional.pad(valid, (0, self.returns_per_cell), value=False)
         known = self.points(radar, rows * self.cell_px, pixels.dtype)
@@ -186,7 +186,7 @@ class EmbeddingAssociation(nn.Module):
         return logits, depths, features
 
     def _choose(self, pixels: Tensor, points: Tensor, radar: Tensor, valid: Tensor) -> Tensor:
-        """Which returns each cell considers, (B, cells, K) int64: those that its mean vector suits best."""
+        """The returns of each cell, (B, cells, K) int64: those that its mean vector suits best."""
         cells = functional.avg_pool2d(pixels.detach(), self.cell)
         batch, rows, columns = cells.shape[0], cells.shape[2], cells.shape[3]
         points = points.detach()

@@ -1,4 +1,4 @@
-"""Where the road is, in place of where it is said to be: a plane through what each part of the image votes for.
+"""Corrects the flat road's plane by votes of each part of the image.
 
 How a camera hangs above the road is known roughly at best: vehicles pitch and roll, roads rise and bank, and many
 drives do not tell the camera's height. A wrong road is wrong everywhere: half a degree is a tenth of the depth at 15 m.

@@ -1,4 +1,4 @@
-"""Stage 2 of `baff` at a quarter of the image's size: the head chooses between depths that are known without it."""
+"""Stage 2 of `baff` at a quarter of the image size: the head chooses between depths of geometry and stage 1."""
 
 import itertools
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from radcam_depth_ros.networks.layers.rasterise import peak, support
 CANDIDATES = 8
 """Depths that the head chooses between, see `QuarterFusion.candidates`."""
 
-BINS = 10
+DEPTH_BINS = 10
 """Depths besides that are the same for every image: what neither road nor radar tells, a picture alone may."""
 
 NEAREST_BIN, FARTHEST_BIN = 0.3, 0.95
@@ -29,7 +29,7 @@ class Choice(NamedTuple):
     plane: (B, 1, h detail, w detail), the dense depth.
     confidence_logit: (B, 1, h detail, w detail).
     logits: (B, CANDIDATES, detail detail, h, w), of the candidates.
-    bin_logits: (B, BINS, h, w), of the bins, which all parts of a pixel share.
+    bin_logits: (B, DEPTH_BINS, h, w), of the bins, which all parts of a pixel share.
     parts: (B, 3, detail detail, h, w), planes of the candidates that differ between the parts of a pixel.
     others: (B, 5, h, w), planes of the others.
     near: (B, 1, h detail, w detail), the nearest return, or the road where that is nearer.
@@ -113,9 +113,9 @@ class QuarterFusion(nn.Module):
         bias = torch.zeros(2 + CANDIDATES, detail * detail)
         bias[2] = FAVOURED
         # One weight of a bin for all parts of a pixel.
-        bias = torch.cat([bias.flatten(), torch.zeros(BINS)])
+        bias = torch.cat([bias.flatten(), torch.zeros(DEPTH_BINS)])
         self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), PlanarConv(channels[0], bias))
-        self.register_buffer("bins", torch.linspace(NEAREST_BIN, FARTHEST_BIN, BINS), persistent=False)
+        self.register_buffer("bins", torch.linspace(NEAREST_BIN, FARTHEST_BIN, DEPTH_BINS), persistent=False)
 
     def forward(
         self,
@@ -167,7 +167,7 @@ class QuarterFusion(nn.Module):
         )
 
     def hypotheses(self, choice: Choice) -> tuple[Tensor, Tensor]:
-        """Logits and planes of all candidates and bins, both (B, CANDIDATES + BINS, h detail, w detail)."""
+        """Logits and planes of all candidates and bins, both (B, CANDIDATES + DEPTH_BINS, h detail, w detail)."""
         parts = self.detail * self.detail
         bins = self.bins.reshape(1, -1, 1, 1).expand_as(choice.bin_logits)
         others = torch.cat([choice.others, bins], dim=1).unsqueeze(2).expand(-1, -1, parts, -1, -1)

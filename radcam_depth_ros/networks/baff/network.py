@@ -108,7 +108,7 @@ class Baff(Network):
     config_type = BaffConfig
     stride: Final[int] = STRIDE
     parts = ("context", "encoder", "association", "road", "fusion")
-    stages = (
+    sections = (
         ("rasterise", "rasterise"),
         ("image encoder", "encoder"),
         ("association", "association"),

@@ -56,7 +56,7 @@ class BaffPaper(Network):
     about = "baff in its paper's form, the reference for speed (Electronics 2025)"
     config_type = BaffPaperConfig
     parts = ("association", "fusion")
-    stages = (
+    sections = (
         ("association", "association"),
         ("image encoder", "fusion.image_encoder"),
         ("depth encoder", "fusion.depth_encoder"),

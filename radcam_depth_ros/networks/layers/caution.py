@@ -1,4 +1,4 @@
-"""What a doubtful depth becomes: nearer, where geometry is nearer.
+"""Blends depth of low confidence with geometry where geometry is nearer.
 
 Not in the papers. In doubt, what is near matters more than what is behind it, and on pictures unlike those that it was
 trained on a network doubts often (docs/results.md). Losses see the depth without.

@@ -1,4 +1,4 @@
-"""Patches of an image around radar returns: where a return may belong, since a radar knows elevation badly."""
+"""Cuts patches of an image around radar returns: pixels that may belong to a return, as radars measure height badly."""
 
 from typing import NamedTuple
 

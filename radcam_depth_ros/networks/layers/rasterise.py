@@ -27,7 +27,7 @@ SHARES = (0.5, 0.1, 0.9)
 STRIP_PX = 16
 """Width of the strips of the image that have a profile each."""
 
-BINS = 48
+PROFILE_BINS = 48
 """Bins of a profile, evenly over the logarithm of depth: each is a tenth of the depth."""
 
 
@@ -39,7 +39,7 @@ class Geometry(NamedTuple):
     nearest: (B, 1, h, w): the nearest return alone.
     layers: (B, 3, h, w): quantiles `SHARES` of the returns around a pixel.
     drawn: (B, 2, h, w): the returns where they are, 0 elsewhere, and whether there is one.
-    profile: (B, BINS, w): how many returns are at a depth around a column, whatever their row.
+    profile: (B, PROFILE_BINS, w): how many returns are at a depth around a column, whatever their row.
     """
 
     prior: Tensor
@@ -65,7 +65,7 @@ class Rasterise(nn.Module):
     cell: Final[int] = CELL_PX // STRIDE
     shares: Final[tuple[float, float, float]] = SHARES
     strip_px: Final[int] = STRIP_PX
-    bins: Final[int] = BINS
+    bins: Final[int] = PROFILE_BINS
 
     def __init__(
         self, min_depth_m: float, max_depth_m: float, ground_prior: bool, returns_per_cell: int, detail: int

@@ -35,23 +35,23 @@ class BasicBlock(nn.Module):
         return result
 
 
-class Stages(nn.Module):
-    """The four stages of residual blocks, `layer1` to `layer4`, from maps at 1/2 on.
+class Levels(nn.Module):
+    """The four levels of residual blocks, `layer1` to `layer4`, from maps at 1/2 on.
 
     Args:
-        blocks: Of each stage.
-        channels: Of the input and of each stage.
+        blocks: Of each level.
+        channels: Of the input and of each level.
     """
 
     def __init__(self, blocks: tuple[int, ...], channels: tuple[int, ...] = CHANNELS) -> None:
         super().__init__()
         self.maxpool = nn.MaxPool2d(3, 2, 1)
-        self.layer1 = _stage(channels[0], channels[1], blocks[0], 1)
-        self.layer2 = _stage(channels[1], channels[2], blocks[1], 2)
-        self.layer3 = _stage(channels[2], channels[3], blocks[2], 2)
-        self.layer4 = _stage(channels[3], channels[4], blocks[3], 2)
+        self.layer1 = _level(channels[0], channels[1], blocks[0], 1)
+        self.layer2 = _level(channels[1], channels[2], blocks[1], 2)
+        self.layer3 = _level(channels[2], channels[3], blocks[2], 2)
+        self.layer4 = _level(channels[3], channels[4], blocks[3], 2)
 
-    def stages(self, x: Tensor) -> list[Tensor]:
+    def levels(self, x: Tensor) -> list[Tensor]:
         """Takes the map at 1/2 to itself and those at 1/4, 1/8, 1/16, 1/32."""
         maps = [x, self.layer1(self.maxpool(x))]
         maps.append(self.layer2(maps[1]))
@@ -60,10 +60,10 @@ class Stages(nn.Module):
         return maps
 
     def forward(self, x: Tensor) -> list[Tensor]:
-        return self.stages(x)
+        return self.levels(x)
 
 
-class ResNet(Stages):
+class ResNet(Levels):
     """An image's maps at 1/2, 1/4, 1/8, 1/16, 1/32; images are 0 to 1, as everywhere.
 
     Args:
@@ -89,9 +89,9 @@ class ResNet(Stages):
 
     def forward(self, x: Tensor) -> list[Tensor]:
         """Takes (B, 3, H, W) to maps of `CHANNELS` channels."""
-        return self.stages(self.relu(self.bn1(self.conv1((x - self.mean) / self.deviation))))
+        return self.levels(self.relu(self.bn1(self.conv1((x - self.mean) / self.deviation))))
 
 
-def _stage(in_channels: int, out_channels: int, blocks: int, stride: int) -> nn.Sequential:
+def _level(in_channels: int, out_channels: int, blocks: int, stride: int) -> nn.Sequential:
     others = (BasicBlock(out_channels, out_channels, 1) for _ in range(blocks - 1))
     return nn.Sequential(BasicBlock(in_channels, out_channels, stride), *others)

@@ -1,1 +1,1 @@
-"""Weight files: safetensors with a card, exported TorchScript, and the check of what an exported file holds."""
+"""Weight files: safetensors with a card, TorchScript exports, and the check of what an exported file holds."""

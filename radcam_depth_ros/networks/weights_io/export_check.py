@@ -1,4 +1,4 @@
-"""What may be in an exported file: looked at before torch reads it, for TorchScript can write files, on loading too.
+"""Checks an exported file before torch reads it: TorchScript can write files, even while it is loaded.
 
 torch reads the pickles of a TorchScript file with an unpickler of its own, which makes tensors, plain values and
 TorchScript's classes, and calls no Python. What is left is the code beside them: all but two of torch's own operators

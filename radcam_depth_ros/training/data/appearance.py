@@ -1,4 +1,4 @@
-"""Another look of the same street: surfaces, air, and what the camera makes of them.
+"""Augments the appearance of surfaces, sky and air, and the camera's processing.
 
 Against what all pictures of a simulator share, which a network would take for a property of streets. Each effect is off
 by default and has a probability of its own.

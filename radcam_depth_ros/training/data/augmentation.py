@@ -1,4 +1,4 @@
-"""Makes many samples of one: another window, light, look, radars that miss or invent returns, a road prior that is off.
+"""Augments samples: crop, flip, light, appearance, missing or invented radar returns, errors of the road prior.
 
 What is seen (`crop`, `zoom`, `mirror`) and what is true of it change together: image, depth, returns and ground stay
 consistent. What is only perceived (`appearance.restyle`, `photometric.perceive`, `appearance.develop`, `perturb_radar`,
@@ -17,10 +17,10 @@ import numpy.typing as npt
 from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
 from radcam_depth_ros.training.data.appearance import AppearanceConfig, develop, restyle
 from radcam_depth_ros.training.data.photometric import PhotometricConfig, perceive
-from radcam_depth_ros.training.data.samples import RADAR_COLUMNS, UNKNOWN_CLASS, TrainingSample
+from radcam_depth_ros.training.data.samples import RADAR_VALUES, UNKNOWN_CLASS, TrainingSample
 from radcam_depth_ros.training.errors import TrainingError
 
-_U, _V, _DEPTH, _RCS, _SPEED, _AGE = range(RADAR_COLUMNS)
+_U, _V, _DEPTH, _RCS, _SPEED, _AGE = range(RADAR_VALUES)
 CROP_MARGIN_PX = 80
 """Half of the width of a return's region of interest, as of `baff`."""
 
@@ -278,7 +278,7 @@ def _clutter(
 ) -> FloatArray:
     """Invented returns: anywhere in the image, near ones as often as far ones, with values like the true ones'."""
     count = int(rng.integers(1, max(3, round(config.clutter_share * len(radar))) + 1))
-    invented = np.full((count, RADAR_COLUMNS), np.nan, np.float32)
+    invented = np.full((count, RADAR_VALUES), np.nan, np.float32)
     invented[:, _U] = rng.uniform(0, camera.width - 1, count)
     invented[:, _V] = rng.uniform(0, camera.height - 1, count)
     invented[:, _DEPTH] = rng.uniform(2.0, 90.0, count)

@@ -21,7 +21,7 @@ from radcam_depth_ros.geometry import ground_coefficients
 from radcam_depth_ros.resampling import use_one_thread
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig, augment
 from radcam_depth_ros.training.data.order import Order, rehearsals_before
-from radcam_depth_ros.training.data.samples import RADAR_COLUMNS, CachedDrive, TrainingSample
+from radcam_depth_ros.training.data.samples import RADAR_VALUES, CachedDrive, TrainingSample
 from radcam_depth_ros.training.errors import TrainingError
 
 POINTS_MULTIPLE = 16
@@ -117,7 +117,7 @@ def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | No
     points = max(len(sample.radar) for sample in samples)
     points = max(1, -(-points // POINTS_MULTIPLE)) * POINTS_MULTIPLE
     # Padding is a return at 1 m that is not valid: finite in every formula.
-    radar = np.ones((len(samples), points, RADAR_COLUMNS), np.float32)
+    radar = np.ones((len(samples), points, RADAR_VALUES), np.float32)
     valid = np.zeros((len(samples), points), np.bool_)
     for index, sample in enumerate(samples):
         radar[index, : len(sample.radar)] = sample.radar

@@ -28,7 +28,7 @@ from radcam_depth_ros.resampling import resample_image
 from radcam_depth_ros.training.data.samples import (
     CARD,
     FORMAT_VERSION,
-    RADAR_COLUMNS,
+    RADAR_VALUES,
     UNKNOWN_CLASS,
     CachedDrive,
     DriveCard,
@@ -290,7 +290,7 @@ def _returns(
         columns.append(radar_columns(part, plan.network, settings.max_depth_m))
         sources.append(np.full(len(columns[-1]), index, np.uint8))
     if not columns:
-        return np.zeros((0, RADAR_COLUMNS), np.float32), np.zeros(0, np.uint8)
+        return np.zeros((0, RADAR_VALUES), np.float32), np.zeros(0, np.uint8)
     return np.concatenate(columns), np.concatenate(sources)
 
 

@@ -1,4 +1,4 @@
-"""Which sample comes at which place of a training: a function of the seed and the place, with no state to keep.
+"""Orders samples by a function of seed and position, without state.
 
 A run that is resumed, and each of several processes that share a batch, so find the same samples.
 """

@@ -1,4 +1,4 @@
-"""Light and colour: the same street under another sun, through another camera."""
+"""Augments light and colour: brightness, contrast, white balance, shadows, blur, noise."""
 
 from __future__ import annotations
 

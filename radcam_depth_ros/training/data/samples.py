@@ -34,7 +34,7 @@ FORMAT_VERSION = 4
 """Counts changes of the layout above, of how images are resampled, and of how ground truth is made: from 4 on LiDAR
 scans are moved to the images' time. A cache of another version is built again."""
 
-RADAR_COLUMNS = 6
+RADAR_VALUES = 6
 """u px, v px, depth m, rcs dBsm, radial speed m/s, age s: what networks are given, NaN where unknown."""
 
 UNKNOWN_CLASS = 255
@@ -224,7 +224,7 @@ class CachedDrive:
         depth_m = row.take(np.float16, shape)
         unknown = np.broadcast_to(np.uint8(UNKNOWN_CLASS), shape)
         classes = row.take(np.uint8, shape) if line["has_classes"] else unknown
-        radar = row.take(np.float32, (returns, RADAR_COLUMNS))
+        radar = row.take(np.float32, (returns, RADAR_VALUES))
         places, depths = row.take(np.uint32, (pixels,)), row.take(np.float16, (pixels,))
         single_m = None
         if line["has_single"]:
@@ -246,7 +246,7 @@ class CachedDrive:
         """Bytes of a sample."""
         pixels = self.card.camera.height * self.card.camera.width
         returns, single = int(line["returns"]), int(line["single_pixels"])
-        return (6 if line["has_classes"] else 5) * pixels + (4 * RADAR_COLUMNS + 1) * returns + 6 * single
+        return (6 if line["has_classes"] else 5) * pixels + (4 * RADAR_VALUES + 1) * returns + 6 * single
 
     def _damaged(self, error: Exception) -> TrainingError:
         return TrainingError(f"the cached drive {self._path.parent} is damaged ({error}); delete it")

@@ -1,4 +1,4 @@
-"""What `baff` is trained to: association, dense depth and confidence ([Electronics2025], section 3.6)."""
+"""Losses of `baff`: association, dense depth and confidence ([Electronics2025], section 3.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `cafnet` is trained to: stage 1's depth and confidence, and the dense depth ([Sun2024])."""
+"""Losses of `cafnet`: stage 1's depth and confidence, and the dense depth ([Sun2024])."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One network learns from another: losses between their maps ([Sun2025], eq. 1 to 5)."""
+"""Losses between the maps of a teacher and a student ([Sun2025], eq. 1 to 5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `lircdepth` is trained to ([Sun2025]), but for distillation: see `distillation`.
+"""Losses of `lircdepth` ([Sun2025]) without those of distillation, which are in `distillation`.
 
 `inter_depth` is not in the paper and is off by default.
 """

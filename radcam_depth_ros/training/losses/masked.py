@@ -1,4 +1,4 @@
-"""Means over what is known, and sums of them over scales."""
+"""Means over known pixels, and sums of them over scales."""
 
 from __future__ import annotations
 

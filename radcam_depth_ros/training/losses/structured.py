@@ -1,4 +1,4 @@
-"""What `structured` is trained to: depth, that of the road above all, and classes ([Li2023], section 3.5)."""
+"""Losses of `structured`: depth, weighted by class, and classes ([Li2023], section 3.5)."""
 
 from __future__ import annotations
 

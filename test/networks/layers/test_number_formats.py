@@ -11,7 +11,7 @@ from radcam_depth_ros.engine import Engine
 from radcam_depth_ros.networks.baff.ground_refinement import RoadVotes
 from radcam_depth_ros.networks.layers.blocks import PlanarConv
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d, InFloat32, convert
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 
 FORMATS = ("float32", "bfloat16")
 CHANNELS = (8, 8, 8, 8)
@@ -46,7 +46,7 @@ def test_a_float32_layer_computes_in_it_under_autocast_and_within_a_converted_ne
     with torch.autocast("cpu", torch.bfloat16):
         under_autocast = layer(x)
     converted = convert(nn.Sequential(layer), torch.bfloat16)
-    scripted = archive.freeze(converted, torch.bfloat16)
+    scripted = torchscript.freeze(converted, torch.bfloat16)
     for result in (under_autocast, converted(x), scripted(x)):
         assert result.dtype == torch.float32
         # Kernels sum up in different orders, 1e-6 apart; in bfloat16 it would be off by 1e-2 and more.

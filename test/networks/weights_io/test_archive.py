@@ -12,8 +12,9 @@ from torch.multiprocessing.reductions import StorageWeakRef
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.files import FileError
+from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import Depths
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.networks.weights_io import export_check as contents
 from radcam_depth_ros.networks.weights_io.archive import ArchiveError, Card
 
@@ -62,7 +63,7 @@ def test_weights_come_back_in_half_precision(weights: Path) -> None:
 
 def test_an_export_is_self_contained_and_equal(weights: Path, tmp_path: Path) -> None:
     loaded = archive.load(weights)
-    archive.export(loaded, tmp_path / "baff.pt")
+    torchscript.export(loaded, tmp_path / "baff.pt")
     exported = archive.load(tmp_path / "baff.pt")
     assert exported.card == loaded.card
     given = inputs()
@@ -118,7 +119,7 @@ def rewrite_card(path: Path, **changes: object) -> None:
 )
 def test_cards_that_do_not_fit(copied: Path, changes: dict[str, object], message: str) -> None:
     rewrite_card(copied, **changes)
-    with pytest.raises(archive.RadcamDepthError, match=message):
+    with pytest.raises(RadcamDepthError, match=message):
         archive.load(copied)
 
 
@@ -176,8 +177,8 @@ def test_an_export_whose_code_could_do_more_than_compute_is_not_read(
     weights: Path, tmp_path: Path, module: type[torch.nn.Module], word: str
 ) -> None:
     card = weights.with_suffix(".yaml").read_text()
-    with archive._quiet_jit():
-        torch.jit.script(module()).save(str(tmp_path / "foreign.pt"), _extra_files={archive.CARD_ENTRY: card})
+    with torchscript._quiet_jit():
+        torch.jit.script(module()).save(str(tmp_path / "foreign.pt"), _extra_files={torchscript.CARD_ENTRY: card})
     with pytest.raises(ArchiveError, match=f"is not read: its code has '{word}'"):
         archive.load(tmp_path / "foreign.pt")
 
@@ -213,7 +214,7 @@ def test_a_small_file_that_becomes_a_large_one_is_not_read(
 
 def test_a_card_of_aliases_and_one_of_a_billion_channels_take_no_memory(copied: Path) -> None:
     rewrite_card(copied, architecture={**ARCHITECTURE, "channels": [2**20] * 4})
-    with pytest.raises(archive.RadcamDepthError, match="should be"):
+    with pytest.raises(RadcamDepthError, match="should be"):
         archive.load(copied)
     laughs = ["a0: &a0 [1, 1]", *(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 30))]
     copied.with_suffix(".yaml").write_text("\n".join(laughs))
@@ -225,7 +226,7 @@ def test_loading_and_running_weights_writes_nothing(
     weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exported = tmp_path / "baff.pt"
-    archive.export(archive.load(weights), exported)
+    torchscript.export(archive.load(weights), exported)
     monkeypatch.chdir(tmp_path)
     before = {path: path.stat().st_mtime_ns for folder in (weights.parent, tmp_path) for path in folder.iterdir()}
     for source in (weights, exported):
@@ -268,7 +269,7 @@ def test_weights_beyond_half_precision_are_not_written(tmp_path: Path) -> None:
 
 
 def test_a_frozen_network_goes_with_its_last_user_and_its_errors_can_be_told(weights: Path) -> None:
-    frozen = archive.freeze(archive.load(weights).network)
+    frozen = torchscript.freeze(archive.load(weights).network)
     gc.collect()
     image, *others = inputs()
     for _ in range(3):

@@ -21,7 +21,7 @@ from small_training import CONFIG, RECIPE, train_here
 
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.data.samples import CachedDrive
-from radcam_depth_ros.training.recipe import StageConfig, TrainingConfig
+from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
 
 ENDLESS_S = 600.0
 
@@ -67,7 +67,7 @@ def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
         precision="float32",
         log_every_iterations=1,
         checkpoint_every_minutes=0.001,  # between validations as well
-        stages=(StageConfig(0.5, ((64, 64),), 2), StageConfig(0.5, ((64, 96),), 2)),
+        phases=(PhaseConfig(0.5, ((64, 64),), 2), PhaseConfig(0.5, ((64, 96),), 2)),
         validation=replace(RECIPE.validation, every_iterations=8, frames=1),
     )
     place = tmp_path / "drive"
@@ -102,7 +102,7 @@ def test_two_processes_learn_what_one_does_with_the_joint_batch(
         iterations=iterations,
         precision="float32",
         log_every_iterations=1,
-        stages=(StageConfig(1.0, ((64, 64),), 4),),
+        phases=(PhaseConfig(1.0, ((64, 64),), 4),),
         optimiser=replace(RECIPE.optimiser, warm_up_iterations=2),
         validation=replace(RECIPE.validation, every_iterations=100, frames=1),
     )

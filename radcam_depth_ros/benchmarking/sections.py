@@ -1,4 +1,4 @@
-"""The stages of a network, taken out of it and made ready to be timed one by one."""
+"""The sections of a network, taken out of it and made ready to be timed one by one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from radcam_depth_ros.benchmarking.rotation import Task
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Subject
 from radcam_depth_ros.engine.calls import forward
 from radcam_depth_ros.networks.layers.number_formats import convert
-from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.networks.weights_io import torchscript
 from radcam_depth_ros.networks.weights_io.folding import folded
 
 GFLOP_COUNTING = (
@@ -26,11 +26,11 @@ GFLOP_COUNTING = (
 
 
 @dataclass(frozen=True)
-class Stage:
-    """A submodule with what it is given; several of one name are one stage together.
+class Section:
+    """A submodule with what it is given; several of one name are one section together.
 
     Attributes:
-        name: Of the stage.
+        name: Of the section.
         gflop: Operations in billions; see `GFLOP_COUNTING`.
         peak_memory_mb: What it holds at once of what it allocates itself, MiB.
         task: Runs it once.
@@ -48,23 +48,23 @@ class Anatomy:
 
     Attributes:
         gflop: Operations of the whole, in billions.
-        stages: In order of execution.
+        sections: In order of execution.
     """
 
     gflop: float
-    stages: tuple[Stage, ...]
+    sections: tuple[Section, ...]
 
 
 def dissect(running: Running, inputs: NetworkInputs, only: str = "") -> Anatomy:
-    """Counts a network's operations, and takes its stages out, with their inputs, frozen as the whole is.
+    """Counts a network's operations, and takes its sections out, with their inputs, frozen as the whole is.
 
     Args:
         running: The network.
         inputs: Of the whole network.
-        only: Name of the stage to take out; empty for all.
+        only: Name of the section to take out; empty for all.
     """
     subject, loaded = running.resolved, running.loaded
-    wanted = [(name, path) for name, path in loaded.stages if only in ("", name)]
+    wanted = [(name, path) for name, path in loaded.sections if only in ("", name)]
     eager = _eager(loaded.network, subject)
     captured: dict[str, tuple[Any, ...]] = {}
     hooks = [eager.get_submodule(path).register_forward_pre_hook(_capture(captured, path)) for _, path in wanted]
@@ -75,12 +75,12 @@ def dissect(running: Running, inputs: NetworkInputs, only: str = "") -> Anatomy:
         hook.remove()
     counts = counter.get_flop_counts()
     root = type(eager).__name__
-    stages: list[Stage] = []
+    sections: list[Section] = []
     for name, path in wanted:
         gflop = 1e-9 * sum(counts.get(f"{root}.{path}", {}).values())
         call = _runner(loaded.network.get_submodule(path), subject, captured[path])
-        stages.append(Stage(name, gflop, peak_allocated_mb(call, subject.device), Task(name, call)))
-    return Anatomy(1e-9 * counter.get_total_flops(), tuple(stages))
+        sections.append(Section(name, gflop, peak_allocated_mb(call, subject.device), Task(name, call)))
+    return Anatomy(1e-9 * counter.get_total_flops(), tuple(sections))
 
 
 def count_gflop(running: Running, inputs: NetworkInputs) -> float:
@@ -128,11 +128,11 @@ def _capture(captured: dict[str, tuple[Any, ...]], path: str) -> Callable[[nn.Mo
     return hook
 
 
-def _runner(stage: nn.Module, subject: Subject, arguments: tuple[Any, ...]) -> Callable[[], object]:
-    """Runs a stage as the whole network's engine would, warmed up."""
-    # On a GPU the engine replays one graph of the whole: there its stages run eagerly.
+def _runner(section: nn.Module, subject: Subject, arguments: tuple[Any, ...]) -> Callable[[], object]:
+    """Runs a section as the whole network's engine would, warmed up."""
+    # On a GPU the engine replays one graph of the whole: there its sections run eagerly.
     is_frozen = subject.mode == "frozen" and subject.device == "cpu"
-    module = archive.freeze(stage, getattr(torch, subject.precision)) if is_frozen else _eager(stage, subject)
+    module = torchscript.freeze(section, getattr(torch, subject.precision)) if is_frozen else _eager(section, subject)
 
     def call() -> object:
         with torch.inference_mode():
