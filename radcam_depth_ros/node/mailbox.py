@@ -28,7 +28,7 @@ class Mailbox(Generic[ItemT]):
         return self._dropped
 
     def put(self, item: ItemT) -> None:
-        """Leaves an item; one that still waits is dropped and counted. After `close` this does nothing."""
+        """Leaves an item; one that still waits is dropped and counted. After `shut` this does nothing."""
         with self._changed:
             if self._closed:
                 return
@@ -37,7 +37,7 @@ class Mailbox(Generic[ItemT]):
             self._changed.notify()
 
     def prepare(self, call: Callable[[], None]) -> None:
-        """Leaves a preparation, in place of one that still waits. After `close` this does nothing."""
+        """Leaves a preparation, in place of one that still waits. After `shut` this does nothing."""
         with self._changed:
             if not self._closed:
                 self._preparation = call
@@ -55,7 +55,7 @@ class Mailbox(Generic[ItemT]):
             # Not under the lock: items come meanwhile.
             preparation()
 
-    def close(self) -> None:
+    def shut(self) -> None:
         """Throws away what waits and wakes the reader for good."""
         with self._changed:
             self._closed = True
@@ -63,44 +63,27 @@ class Mailbox(Generic[ItemT]):
             self._changed.notify_all()
 
 
-class Worker(Generic[ItemT]):
-    """A thread that works on the newest item of a mailbox.
+class Worker(Mailbox[ItemT]):
+    """A mailbox with a thread that works on its newest item, and makes preparations before.
 
     Args:
-        work: Called in the thread with each item that is taken. It handles its own errors.
+        work: Called in the thread with each item that is taken. It handles its own errors, as preparations do.
         name: The thread's name.
     """
 
     def __init__(self, work: Callable[[ItemT], None], name: str) -> None:
+        super().__init__()
         self._work = work
-        self._mailbox: Mailbox[ItemT] = Mailbox()
         # A daemon, since a network in the middle of an image must not keep a process from ending.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    @property
-    def dropped(self) -> int:
-        """How many items were dropped for a newer one."""
-        return self._mailbox.dropped
-
-    def put(self, item: ItemT) -> None:
-        """Hands over an item, in place of one that still waits."""
-        self._mailbox.put(item)
-
-    def prepare(self, call: Callable[[], None]) -> None:
-        """Has a call made in the thread before the next item, in place of one that still waits.
-
-        Args:
-            call: What to do. It handles its own errors.
-        """
-        self._mailbox.prepare(call)
-
     def close(self, timeout_s: float | None = None) -> bool:
         """Ends the thread after the item it works on; False when that took longer than `timeout_s`."""
-        self._mailbox.close()
+        self.shut()
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        while (item := self._mailbox.take()) is not None:
+        while (item := self.take()) is not None:
             self._work(item)

@@ -6,13 +6,12 @@ A parameter has the default of the field that it sets. Files of them are read as
 from __future__ import annotations
 
 from radcam_depth_ros.parameters.assembly import build_config
-from radcam_depth_ros.parameters.config import IMAGE_TRANSPORTS, NodeConfig, ParameterError
+from radcam_depth_ros.parameters.config import NodeConfig, ParameterError
 from radcam_depth_ros.parameters.file import NODE_NAME, ParameterFile, read_parameter_file
 from radcam_depth_ros.parameters.spec import ParameterKind, ParameterSpec
 from radcam_depth_ros.parameters.table import PARAMETERS, RENAMED, SECTIONS
 
 __all__ = [
-    "IMAGE_TRANSPORTS",
     "NODE_NAME",
     "PARAMETERS",
     "RENAMED",

@@ -29,7 +29,7 @@ def test_closing_wakes_the_reader_and_throws_away_what_waits() -> None:
     taken: list[int | None] = []
     reader = threading.Thread(target=lambda: taken.append(mailbox.take()))
     reader.start()
-    mailbox.close()
+    mailbox.shut()
     reader.join(60)
     mailbox.put(1)
     assert taken == [None]
