@@ -46,7 +46,7 @@ class Pipeline:
         return self.frame_builder.add(topic, message, now_ns)
 
     def estimate(self, frame: Frame, wanted: Collection[str]) -> DepthResult | None:
-        """Estimates a frame's depth.
+        """Estimates a frame's depth: `prepare`, the network, `finish`.
 
         Args:
             frame: The frame.
@@ -58,10 +58,8 @@ class Pipeline:
         Raises:
             RadcamDepthError: when the network cannot be given this frame.
         """
-        if self._is_suppressed(len(frame.radar)):
-            return None
-        result = self.estimator.estimate(frame, classes=_needs_classes(wanted))
-        return None if self._is_suppressed(result.radar_in_view) else result
+        inputs = self.prepare(frame)
+        return None if inputs is None else self.finish(inputs, self.estimator.run(inputs), wanted)
 
     def prepare(self, frame: Frame) -> NetworkInputs | None:
         """The first part of `estimate`, before the network runs; None as there."""
@@ -71,7 +69,7 @@ class Pipeline:
         """The last part of `estimate`, with what the network gave; None as there."""
         if self._is_suppressed(len(inputs.radar)):
             return None
-        return self.estimator.finish(inputs, depths, classes=_needs_classes(wanted))
+        return self.estimator.finish(inputs, depths, classes=any(OUTPUTS[name].needs_classes for name in wanted))
 
     def encode(self, frame: Frame, result: DepthResult, wanted: Collection[str]) -> dict[str, Any]:
         """Encodes a frame's depth as messages, see `Encoder.encode`."""
@@ -79,7 +77,3 @@ class Pipeline:
 
     def _is_suppressed(self, returns: int) -> bool:
         return not returns and self.frame_builder.config.without_radar == "suppress"
-
-
-def _needs_classes(wanted: Collection[str]) -> bool:
-    return any(OUTPUTS[name].needs_classes for name in wanted)

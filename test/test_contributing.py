@@ -149,9 +149,7 @@ def run_tests(copy: Path, *arguments: str) -> str:
 def test_a_network_takes_five_files(copy: Path) -> None:
     package = copy / "radcam_depth_ros"
     (package / "networks" / "dummy.py").write_text(NETWORK, encoding="utf-8")
-    imported = "from radcam_depth_ros.networks.registry import"
-    line = "from radcam_depth_ros.networks import dummy as dummy\n"
-    insert(package / "networks" / "__init__.py", imported, line + imported)
+    insert(package / "networks" / "__init__.py", '    "cafnet",\n', '    "cafnet",\n    "dummy",\n')
     (package / "training" / "losses" / "dummy.py").write_text(LOSSES, encoding="utf-8")
     (package / "recipes" / "dummy.yaml").write_text("loss:\n  depth: 1.0\n", encoding="utf-8")
     (copy / "test" / "networks" / "test_dummy.py").write_text(NETWORK_TEST, encoding="utf-8")

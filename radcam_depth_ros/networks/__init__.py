@@ -21,7 +21,7 @@ __all__ = [
     "names",
 ]
 
-# Modules that register a network each. docs/training.md says what else a new one needs.
+# Modules that register a network each; CONTRIBUTING.md says what else a new one needs.
 for _module in (
     "baff.baseline",
     "baff.network",
