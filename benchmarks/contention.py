@@ -1,4 +1,4 @@
-"""How the node's engine and the live node do beside other work on the computer: processes that only compute.
+"""Frame times of the engine and the live node beside other work on the computer: processes that only compute.
 
     .venv/bin/python -m benchmarks.contention --busy 0 1 2 4 --frames 200 --seconds 15 --json out/contention.json
 

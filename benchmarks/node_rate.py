@@ -1,4 +1,4 @@
-"""How many depth frames a second the live node publishes, with which latency: fed over DDS on this machine.
+"""Depth frames a second and latency of the live node, fed over DDS on this machine.
 
     .venv/bin/python -m benchmarks.node_rate --size 448x800 --size 256x448 --seconds 20 --json out/node_rate.json
 

@@ -1,4 +1,4 @@
-"""What a soak of the live node tells: memory, latency and pairs over time, and whether they stay as they have to."""
+"""Figures of a soak of the live node: memory, latency and pairs over time, and whether each holds its target."""
 
 from __future__ import annotations
 

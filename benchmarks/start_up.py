@@ -1,4 +1,4 @@
-"""How long it takes from process start to the first depth image of the live node, and to the answer of `--help`.
+"""Seconds from process start to the first depth image of the live node, and to the answer of `--help`.
 
     .venv/bin/python benchmarks/start_up.py --repeats 3 --json start_up.json
 

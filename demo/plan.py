@@ -1,4 +1,4 @@
-"""What of a bag is played, and how the node has to be set for it."""
+"""Plan of a demo: the part of a bag that is played, and the node's parameters for it."""
 
 from __future__ import annotations
 

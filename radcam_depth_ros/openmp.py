@@ -1,4 +1,4 @@
-"""How the network's threads wait for each other; said to OpenMP before torch loads it."""
+"""Sets how OpenMP threads wait for each other; must run before torch loads OpenMP."""
 
 from __future__ import annotations
 

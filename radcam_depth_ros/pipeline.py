@@ -16,9 +16,9 @@ from radcam_depth_ros.networks import Depths
 
 
 class Pipeline:
-    """Messages in, depth messages out, in three stages: `build`, `estimate`, `encode`.
+    """Messages in, depth messages out, in three steps: `build`, `estimate`, `encode`.
 
-    Each stage may run in a thread of its own, but no stage in two threads at once.
+    Each step may run in a thread of its own, but no step in two threads at once.
 
     Args:
         frame_builder: Decodes and pairs.

@@ -29,7 +29,7 @@ def check(
     *,
     frames: int = FRAMES,
     out: Path | None = None,
-    progress: Callable[[str, int, int], None] = lambda stage, done, total: None,
+    progress: Callable[[str, int, int], None] = lambda step, done, total: None,
 ) -> Report:
     """Checks the poses and clocks of a bag's radars and LiDAR.
 
@@ -38,7 +38,7 @@ def check(
         settings: Settings for reading it, such as other extrinsics.
         frames: Number of images that are used, evenly spread.
         out: A folder for pictures of them; None for none.
-        progress: Called with (stage, done, to do).
+        progress: Called with (step, done, to do).
 
     Raises:
         RadcamDepthError: for a bag that cannot be used, or a folder that cannot be written.

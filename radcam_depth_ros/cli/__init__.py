@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
@@ -44,9 +45,17 @@ def _spelled_out(arguments: Sequence[str]) -> Iterator[str]:
             yield "-"
 
 
+def _warning_line(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """A warning as its sentence alone, without the line of code that it comes from."""
+    return f"radcam-depth: {message}\n"
+
+
 def main() -> None:
     """Runs the command; a user's mistake ends with one sentence and exit code 2."""
     openmp.prepare()
+    warnings.formatwarning = _warning_line
     try:
         app(list(_spelled_out(sys.argv[1:])))
     except Exception as error:

@@ -55,7 +55,7 @@ def bench(
     json_target: JsonOption = None,
     device: DeviceOption = None,
 ) -> None:
-    """Measures a network: each stage and the whole, in time, memory and as a share of the machine's own best rate.
+    """Measures a network: each section and the whole, in time, memory and as a share of the machine's own best rate.
 
     Example: radcam-depth bench --size 256x448 --points 10,60 --repeats 5 --json out/bench.json
     """

@@ -75,10 +75,10 @@ def check_calibration(
     with progress_bar() as bar:
         tasks = {}
 
-        def show(stage: str, done: int, total: int) -> None:
-            if stage not in tasks:
-                tasks[stage] = bar.add_task(stage, total=total)
-            bar.update(tasks[stage], completed=done, total=total)
+        def show(step: str, done: int, total: int) -> None:
+            if step not in tasks:
+                tasks[step] = bar.add_task(step, total=total)
+            bar.update(tasks[step], completed=done, total=total)
 
         report = calibration.check(bag, node.drive_settings(), frames=frames, out=out, progress=show)
     if json_target is not None:

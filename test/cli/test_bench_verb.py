@@ -107,7 +107,7 @@ def test_a_row_for_each_size_and_number_of_points(run: Callable[..., Any], tmp_p
     assert sizes == [(32, 64, 0), (32, 64, 3), (64, 64, 0), (64, 64, 3)]
     assert [row["other"]["points"] for row in values["against"]["sizes"]] == [0, 3, 0, 3]
     assert values["against"]["sizes"][0]["depth_difference"] < 1e-3
-    for word in ("stages at 64 x 64, 3 points", "whole network", "against mode=eager", "ratios pair by pair"):
+    for word in ("sections at 64 x 64, 3 points", "whole network", "against mode=eager", "ratios pair by pair"):
         assert word in result.output
 
 

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,12 @@ def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> int:
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return int(ended.value.code or 0)
+
+
+def test_a_warning_is_its_sentence_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
+    assert run_main(monkeypatch, "--help") == 0
+    assert warnings.formatwarning("an old key", UserWarning, "recipe.py", 1) == "radcam-depth: an old key\n"
 
 
 def test_all_verbs_are_there() -> None:

@@ -31,17 +31,17 @@ def print_report(report: Report) -> None:
         f"{described.network}, weights: {described.weights}, {described.mode}; engine: {described.engine}", markup=False
     )
     for entry in report.sizes:
-        _print_stages(console, entry)
+        _print_sections(console, entry)
     _print_whole(console, report)
     if report.against:
         _print_against(console, report.against)
 
 
-def _print_stages(console: Console, entry: SizeFigures) -> None:
+def _print_sections(console: Console, entry: SizeFigures) -> None:
     print_table(
         console,
-        f"stages at {entry.size}, {entry.rounds} rounds",
-        ("stage", *COLUMNS),
+        f"sections at {entry.size}, {entry.rounds} rounds",
+        ("section", *COLUMNS),
         tuple((section.name, *_cells(section)) for section in entry.sections),
         "resample and resample back: for a camera whose image has twice the rows and columns; they are not in the "
         "whole",

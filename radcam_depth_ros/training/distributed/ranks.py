@@ -102,7 +102,7 @@ class Ranks:
         if batch % self.size:
             raise TrainingError(
                 f"a batch of {batch} samples cannot be split evenly among {self.size} processes; give the recipe's "
-                f"stages a batch that is a multiple of {self.size}"
+                f"phases a batch that is a multiple of {self.size}"
             )
         return batch // self.size
 
