@@ -21,13 +21,15 @@ from radcam_depth_ros.geometry import DoubleArray
 TRACKS = 800
 """Points that are tracked over the whole image."""
 _LEAST_TRACKS = 40
-_HEIGHTS_M = np.geomspace(0.5, 4.5, 27)
-_LEAST_CORRELATION = 0.25
+_LEAST_CORRELATION = 0.1
 _LEAST_PIXELS = 1500
 """Fewer pixels of textured road give no plane."""
 _LEAST_SPREAD = 1.0
 """Grey values squared; less is no texture."""
-_NEAR_M, _FAR_M, _HALF_WIDTH_M = 1.0, 20.0, 4.0
+_ASIDE_M, _FAR_M = 4.0, 20.0
+"""The road is looked at so far to both sides and ahead."""
+_ASIDE_HEIGHTS, _FAR_HEIGHTS = 2.2, 11.0
+"""Likewise where the camera's height is yet to be found, in multiples of it: the same pixels for any height."""
 _PATCH_PX = 25
 _MOST_PIXELS = 12_000
 _SHARED_PIXELS = 10.0
@@ -128,10 +130,8 @@ class _State:
         return np.array([along / _ALONG_ROAD, self.vector[7] / _ROLL, self.vector[8] / _BEND])
 
 
-def estimate_plane(
-    first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], camera: CameraModel, distance_m: float
-) -> PlaneEstimate:
-    """The road of one pair.
+class TexturePair:
+    """Two images of a drive, one after the other.
 
     Args:
         first: (H, W) grey, rectified.
@@ -140,24 +140,49 @@ def estimate_plane(
         distance_m: How far the camera travelled in between.
 
     Raises:
-        TextureError: where the images do not tell.
+        TextureError: where the images do not tell how the camera moved.
     """
-    tracks, state = _start(_scene_tracks(first, second, camera), camera)
-    levels = [_Level(first, second, camera, distance_m, factor) for factor, _ in _SCALES]
-    state = _search(levels[0], state)
-    for level, (_, steps) in zip(levels, _SCALES, strict=True):
-        for _ in range(steps):
-            state, covariance = _step(level, tracks, state)
-    if levels[-1].correlation < _LEAST_CORRELATION:
-        raise TextureError("the road's texture does not move as a plane")
-    deviations = np.sqrt(np.diag(covariance))[5:8] * [state.height_m, 180 / np.pi, 180 / np.pi]
-    pitch_deg, roll_deg = np.rad2deg(state.vector[6:8])
-    return PlaneEstimate(
-        state.height_m,
-        float(pitch_deg),
-        float(roll_deg),
-        (float(deviations[0]), float(deviations[1]), float(deviations[2])),
-    )
+
+    def __init__(
+        self, first: npt.NDArray[np.uint8], second: npt.NDArray[np.uint8], camera: CameraModel, distance_m: float
+    ) -> None:
+        self._tracks, self._start = _start(_scene_tracks(first, second, camera), camera)
+        self._images = (first, second, camera, distance_m)
+
+    def scores(self, heights_m: DoubleArray) -> DoubleArray:
+        """How well (N,) the images fit at some heights (N,) of the camera: correlations of the road's patches."""
+        level = _Level(*self._images, _SCALES[0][0])
+        found = []
+        for height_m in heights_m.tolist():
+            extent = (_ASIDE_HEIGHTS * height_m, _FAR_HEIGHTS * height_m)
+            found.append(level.compare(self._at(height_m), extent).correlation)
+        return np.array(found)
+
+    def fit(self, height_m: float) -> PlaneEstimate:
+        """The road that explains both images.
+
+        Args:
+            height_m: The camera's height to within a tenth.
+
+        Raises:
+            TextureError: where the images do not tell.
+        """
+        state = self._at(height_m)
+        for factor, steps in _SCALES:
+            level = _Level(*self._images, factor)
+            for _ in range(steps):
+                state, covariance, correlation = _step(level, self._tracks, state)
+        if correlation < _LEAST_CORRELATION:
+            raise TextureError("the road's texture does not move as a plane")
+        deviations = np.sqrt(np.diag(covariance))[5:8] * [state.height_m, 180 / np.pi, 180 / np.pi]
+        pitch_deg, roll_deg = np.rad2deg(state.vector[6:8]).tolist()
+        height_deviation_m, *turn_deviations_deg = deviations.tolist()
+        return PlaneEstimate(state.height_m, pitch_deg, roll_deg, (height_deviation_m, *turn_deviations_deg))
+
+    def _at(self, height_m: float) -> _State:
+        vector = self._start.vector.copy()
+        vector[5] = np.log(height_m)
+        return _State(vector)
 
 
 def _rays(uv: npt.NDArray[np.floating], camera: CameraModel) -> DoubleArray:
@@ -228,14 +253,10 @@ def _derived(function: Callable[[_State], npt.NDArray[Any]], state: _State) -> t
 def _solved(now: DoubleArray, jacobian: DoubleArray, weights: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
     """The information matrix of a step of Gauss and Newton, and the step."""
     information = jacobian.T @ (weights[:, None] * jacobian)
-    return information, _stepped(information, jacobian.T @ (weights * now))
-
-
-def _stepped(information: DoubleArray, slope: DoubleArray) -> DoubleArray:
-    change = -np.linalg.solve(information + 1e-9 * np.eye(len(slope)), slope)
+    change = -np.linalg.solve(information + 1e-9 * np.eye(len(information)), jacobian.T @ (weights * now))
     if not np.isfinite(change).all():
         raise TextureError("the fit has no solution")
-    return np.clip(change, -0.1, 0.1)
+    return information, np.clip(change, -0.1, 0.1)
 
 
 class _Level:
@@ -248,7 +269,6 @@ class _Level:
             width, height, camera.fx / factor, camera.fy / factor, camera.cx / factor + move, camera.cy / factor + move
         )
         self.distance_m = distance_m
-        self.correlation = 0.0
         self._factor = factor
         one, two = (
             cv2.GaussianBlur(cv2.resize(image[: height * factor, : width * factor], (width, height), interpolation=3), (0, 0), 1.0).astype(np.float32)
@@ -265,10 +285,16 @@ class _Level:
         rays = state.second(rays, self.distance_m)[..., :2]
         return rays * np.array([camera.fx, camera.fy], rays.dtype) + np.array([camera.cx, camera.cy], rays.dtype)
 
-    def compare(self, state: _State) -> _Comparison:
-        """The first image against the second, moved as the road would."""
+    def compare(self, state: _State, extent: tuple[float, float]) -> _Comparison:
+        """The first image against the second, moved as the road would.
+
+        Args:
+            state: The road and the motion.
+            extent: The road as far to both sides and ahead is looked at, in metres.
+        """
         depth_m = state.depth_m(self._grid)
-        region = (depth_m > _NEAR_M) & (depth_m < _FAR_M) & (np.abs(self._grid[..., 0] * depth_m) < _HALF_WIDTH_M)
+        aside_m, ahead_m = extent
+        region = (depth_m > 0) & (depth_m < ahead_m) & (np.abs(self._grid[..., 0] * depth_m) < aside_m)
         top = int(np.argmax(region.any(axis=1)))
         rows = slice(max(0, top - _PATCH_PX), None)
         grid, region = self._grid[rows], region[rows]
@@ -281,24 +307,43 @@ class _Level:
         agreement = cv2.blur(one * two, (_PATCH_PX // self._factor | 1,) * 2)
         region &= (one_spread > _LEAST_SPREAD) & (two_spread > _LEAST_SPREAD)
         slopes = [cv2.remap(slope, places, None, cv2.INTER_LINEAR) / np.sqrt(two_spread + 1.0) for slope in self._slopes]
-        return _Comparison(grid, region, two - one, np.clip(agreement, 0, 1), slopes[0], slopes[1])
+        # Another height moves the road along these: lines along them fit at any height.
+        higher = state.vector + 0.01 * np.eye(len(state.vector))[5]
+        along = self.pixels(_State(higher), grid) - places
+        along /= np.linalg.norm(along, axis=-1, keepdims=True) + 1e-6
+        patch = (_PATCH_PX // self._factor | 1,) * 2
+        told = cv2.blur((slopes[0] * along[..., 0] + slopes[1] * along[..., 1]) ** 2, patch)
+        told /= cv2.blur(slopes[0] ** 2 + slopes[1] ** 2, patch) + 1e-3
+        return _Comparison(grid, region, two - one, np.clip(agreement, 0, 1), told, slopes[0], slopes[1])
 
 
 @dataclass(frozen=True)
 class _Comparison:
-    """Rays (H, W, 3), which pixels count, how the normalised images differ and correlate, and the second's slopes."""
+    """The images normalised, one minus the other.
+
+    Attributes:
+        rays: (H, W, 3) the pixels' rays in the first camera.
+        region: (H, W) which of them are looked at.
+        difference: (H, W) the second image minus the first.
+        agreement: (H, W) their local correlation, 0 to 1.
+        told: (H, W) share of the slopes that the camera's height moves.
+        slope_x: (H, W) the second image's slope a pixel.
+        slope_y: (H, W) likewise.
+    """
 
     rays: npt.NDArray[np.float32]
     region: npt.NDArray[np.bool_]
     difference: Any
     agreement: Any
+    told: Any
     slope_x: Any
     slope_y: Any
 
     @property
     def correlation(self) -> float:
-        """The mean correlation of patches."""
-        return float(self.agreement[self.region].mean()) if self.region.sum() > _LEAST_PIXELS // 4 else 0.0
+        """The mean correlation of patches, of those most that tell the height."""
+        told = self.told[self.region]
+        return float((self.agreement[self.region] * told).sum() / (told.sum() + 1.0))
 
 
 def _normal(image: Any, patch: int) -> tuple[Any, Any]:
@@ -308,48 +353,26 @@ def _normal(image: Any, patch: int) -> tuple[Any, Any]:
     return (image - mean) / np.sqrt(spread + 1.0), spread
 
 
-def _search(level: _Level, state: _State) -> _State:
-    """The height at which the images fit best."""
-    states = []
-    for height_m in _HEIGHTS_M:
-        vector = state.vector.copy()
-        vector[5] = np.log(height_m)
-        states.append(_State(vector))
-    scores = [level.compare(each).correlation for each in states]
-    best = int(np.argmax(scores))
-    if scores[best] < _LEAST_CORRELATION:
-        raise TextureError("no texture of the road fits in both images")
-    return states[best]
-
-
-def _step(level: _Level, tracks: _Tracks, state: _State) -> tuple[_State, DoubleArray]:
-    """A step of Gauss and Newton with robust weights, and the covariance (9, 9)."""
-    found = level.compare(state)
-    level.correlation = found.correlation
-    if found.region.sum() * level.camera.fx**2 < 0 or found.region.sum() < _LEAST_PIXELS // 4:
-        raise TextureError("too little of the road is in view")
+def _step(level: _Level, tracks: _Tracks, state: _State) -> tuple[_State, DoubleArray, float]:
+    """A step of Gauss and Newton with robust weights, its covariance (9, 9), and the correlation before it."""
+    found = level.compare(state, (_ASIDE_M, _FAR_M))
     index = np.flatnonzero(found.region)
-    index = index[:: max(1, len(index) // _MOST_PIXELS)]
+    if len(index) < _LEAST_PIXELS // 4:
+        raise TextureError("too little of the road is in view, or it is too dark or has no texture")
+    thinned = max(1, len(index) // _MOST_PIXELS)
+    index = index[::thinned]
     rays = found.rays.reshape(-1, 3)[index].astype(np.float64)
     _, moved = _derived(lambda other: level.pixels(other, rays), state)
     slopes = np.stack([found.slope_x.reshape(-1)[index], found.slope_y.reshape(-1)[index]], axis=-1)
-    jacobian = np.einsum("nd,ndp->np", slopes, moved)
     difference = found.difference.reshape(-1)[index].astype(np.float64)
     agreement = found.agreement.reshape(-1)[index].astype(np.float64)
     spread = 1.48 * float(np.median(np.abs(difference))) + 0.05
-    thinned = found.region.sum() / len(index)
-    weights = agreement**2 / (1 + (difference / (2 * spread)) ** 2) / spread**2
-    weights *= min(1.0, thinned / _SHARED_PIXELS)
-    scene, scene_jacobian = _epipolar_terms(state, tracks, level.camera)
-    scene_weights = 1 / (1 + (scene / 2) ** 2)
-    prior, prior_jacobian = _derived(lambda other: other.priors(), state)
-    information = np.zeros((9, 9))
-    slope = np.zeros(9)
-    for values, derivatives, weight in (
-        (difference, jacobian, weights),
-        (scene, scene_jacobian, scene_weights),
-        (prior, prior_jacobian, np.ones(len(prior))),
-    ):
-        information += derivatives.T @ (weight[:, None] * derivatives)
-        slope += derivatives.T @ (weight * values)
-    return _State(state.vector + _stepped(information, slope)), np.linalg.pinv(information)
+    weights = agreement**2 / (1 + (difference / (2 * spread)) ** 2) / spread**2 * min(1.0, thinned / _SHARED_PIXELS)
+    scene, scene_slopes = _epipolar_terms(state, tracks, level.camera)
+    prior, prior_slopes = _derived(lambda other: other.priors(), state)
+    values = np.concatenate([difference, scene, prior])
+    jacobian = np.concatenate([np.einsum("nd,ndp->np", slopes, moved), scene_slopes, prior_slopes])
+    information, change = _solved(
+        values, jacobian, np.concatenate([weights, 1 / (1 + (scene / 2) ** 2), np.ones(len(prior))])
+    )
+    return _State(state.vector + change), np.linalg.pinv(information), found.correlation
