@@ -7,6 +7,7 @@ section 13.1). The scale comes from the distance.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from radcam_depth_ros.calibration.road_plane import PlaneEstimate
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import DoubleArray
 
@@ -26,10 +28,11 @@ _LEAST_PIXELS = 1500
 """Fewer pixels of textured road give no plane."""
 _LEAST_SPREAD = 1.0
 """Grey values squared; less is no texture."""
-_ASIDE_M, _FAR_M = 4.0, 20.0
-"""The road is looked at so far to both sides and ahead."""
-_ASIDE_HEIGHTS, _FAR_HEIGHTS = 2.2, 11.0
-"""Likewise where the camera's height is yet to be found, in multiples of it: the same pixels for any height."""
+_ASIDE_M, _FAR_M, _FAR_HEIGHTS = 3.0, 6.0, 5.0
+"""The road is looked at so far to both sides, and so far ahead with so many of the camera's heights more."""
+_ASIDE_SEARCH, _FAR_SEARCH = 1.5, 8.0
+"""Where the height is yet to be found, both in multiples of it: the same pixels for any height."""
+_FARTHEST_M = 40.0
 _PATCH_PX = 25
 _MOST_PIXELS = 12_000
 _SHARED_PIXELS = 10.0
@@ -50,23 +53,6 @@ _STEP = 1e-5
 
 class TextureError(Exception):
     """A pair of images that does not give the road; the message says why."""
-
-
-@dataclass(frozen=True)
-class PlaneEstimate:
-    """The road under the camera by one measurement.
-
-    Attributes:
-        height_m: Height of the camera.
-        pitch_deg: How far it looks down.
-        roll_deg: How far it leans to its right.
-        deviations: Standard deviations of the three by the residuals.
-    """
-
-    height_m: float
-    pitch_deg: float
-    roll_deg: float
-    deviations: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -114,7 +100,7 @@ class _State:
         fall[np.abs(fall) < 1e-6] = 1e-6
         depth_m = self.height_m / fall
         for _ in range(2):
-            ahead_m = np.clip(depth_m, 0.0, 1.5 * _FAR_M)
+            ahead_m = np.clip(depth_m, 0.0, _FARTHEST_M)
             depth_m = (self.height_m - self.vector[8] / 2 * ahead_m**2) / fall
         return np.asarray(depth_m)
 
@@ -154,8 +140,8 @@ class TexturePair:
         level = _Level(*self._images, _SCALES[0][0])
         found = []
         for height_m in heights_m.tolist():
-            extent = (_ASIDE_HEIGHTS * height_m, _FAR_HEIGHTS * height_m)
-            found.append(level.compare(self._at(height_m), extent).correlation)
+            extent = (_ASIDE_SEARCH * height_m, _FAR_SEARCH * height_m)
+            found.append(level.compare(self._at(height_m), extent).score)
         return np.array(found)
 
     def fit(self, height_m: float) -> PlaneEstimate:
@@ -269,12 +255,18 @@ class _Level:
             width, height, camera.fx / factor, camera.fy / factor, camera.cx / factor + move, camera.cy / factor + move
         )
         self.distance_m = distance_m
-        self._factor = factor
         one, two = (
-            cv2.GaussianBlur(cv2.resize(image[: height * factor, : width * factor], (width, height), interpolation=3), (0, 0), 1.0).astype(np.float32)
+            cv2.GaussianBlur(
+                cv2.resize(image[: height * factor, : width * factor], (width, height), interpolation=3), (0, 0), 1.0
+            ).astype(np.float32)
             for image in (first, second)
         )
         self._first, self._second = one, two
+        # What stays at its place in the image is a car ahead, the own bonnet or dirt on the lens.
+        patch = _PATCH_PX // factor | 1
+        alike = cv2.blur(_normal(one, patch)[0] * _normal(two, patch)[0], (patch, patch))
+        self._moves = np.clip(1 - alike, 0, 1) ** 2
+        self._patch = patch
         self._slopes = tuple(cv2.Sobel(two, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1)))
         columns, rows = np.meshgrid(np.arange(width), np.arange(height))
         self._grid = _rays(np.stack([columns, rows], axis=-1), self.camera).astype(np.float32)
@@ -298,23 +290,36 @@ class _Level:
         top = int(np.argmax(region.any(axis=1)))
         rows = slice(max(0, top - _PATCH_PX), None)
         grid, region = self._grid[rows], region[rows]
+        wanted = int(region.sum())
         places = self.pixels(state, grid).astype(np.float32)
         size = np.array([self.camera.width - 1, self.camera.height - 1])
         region &= ((places >= 0) & (places < size)).all(axis=-1)
         warped = cv2.remap(self._second, places, None, cv2.INTER_LINEAR)
-        one, one_spread = _normal(self._first[rows], _PATCH_PX // self._factor | 1)
-        two, two_spread = _normal(warped, _PATCH_PX // self._factor | 1)
-        agreement = cv2.blur(one * two, (_PATCH_PX // self._factor | 1,) * 2)
+        one, one_spread = _normal(self._first[rows], self._patch)
+        two, two_spread = _normal(warped, self._patch)
+        agreement = cv2.blur(one * two, (self._patch, self._patch))
         region &= (one_spread > _LEAST_SPREAD) & (two_spread > _LEAST_SPREAD)
-        slopes = [cv2.remap(slope, places, None, cv2.INTER_LINEAR) / np.sqrt(two_spread + 1.0) for slope in self._slopes]
+        slopes = [
+            cv2.remap(slope, places, None, cv2.INTER_LINEAR) / np.sqrt(two_spread + 1.0) for slope in self._slopes
+        ]
         # Another height moves the road along these: lines along them fit at any height.
         higher = state.vector + 0.01 * np.eye(len(state.vector))[5]
         along = self.pixels(_State(higher), grid) - places
         along /= np.linalg.norm(along, axis=-1, keepdims=True) + 1e-6
-        patch = (_PATCH_PX // self._factor | 1,) * 2
+        patch = (self._patch, self._patch)
         told = cv2.blur((slopes[0] * along[..., 0] + slopes[1] * along[..., 1]) ** 2, patch)
         told /= cv2.blur(slopes[0] ** 2 + slopes[1] ** 2, patch) + 1e-3
-        return _Comparison(grid, region, two - one, np.clip(agreement, 0, 1), told, slopes[0], slopes[1])
+        return _Comparison(
+            grid,
+            region,
+            two - one,
+            np.clip(agreement, 0, 1),
+            told * self._moves[rows],
+            self._moves[rows],
+            slopes[0],
+            slopes[1],
+            wanted,
+        )
 
 
 @dataclass(frozen=True)
@@ -327,8 +332,10 @@ class _Comparison:
         difference: (H, W) the second image minus the first.
         agreement: (H, W) their local correlation, 0 to 1.
         told: (H, W) share of the slopes that the camera's height moves.
+        moves: (H, W) 0 where the images are the same, 1 where they are not.
         slope_x: (H, W) the second image's slope a pixel.
         slope_y: (H, W) likewise.
+        wanted: How many pixels of the road are in the first image.
     """
 
     rays: npt.NDArray[np.float32]
@@ -336,14 +343,21 @@ class _Comparison:
     difference: Any
     agreement: Any
     told: Any
+    moves: Any
     slope_x: Any
     slope_y: Any
+    wanted: int
 
     @property
     def correlation(self) -> float:
         """The mean correlation of patches, of those most that tell the height."""
         told = self.told[self.region]
         return float((self.agreement[self.region] * told).sum() / (told.sum() + 1.0))
+
+    @property
+    def score(self) -> float:
+        """The same, and less where less of the road is in the second image."""
+        return self.correlation * math.sqrt(self.region.sum() / max(1, self.wanted))
 
 
 def _normal(image: Any, patch: int) -> tuple[Any, Any]:
@@ -355,7 +369,7 @@ def _normal(image: Any, patch: int) -> tuple[Any, Any]:
 
 def _step(level: _Level, tracks: _Tracks, state: _State) -> tuple[_State, DoubleArray, float]:
     """A step of Gauss and Newton with robust weights, its covariance (9, 9), and the correlation before it."""
-    found = level.compare(state, (_ASIDE_M, _FAR_M))
+    found = level.compare(state, (_ASIDE_M, _FAR_M + _FAR_HEIGHTS * state.height_m))
     index = np.flatnonzero(found.region)
     if len(index) < _LEAST_PIXELS // 4:
         raise TextureError("too little of the road is in view, or it is too dark or has no texture")
@@ -365,7 +379,7 @@ def _step(level: _Level, tracks: _Tracks, state: _State) -> tuple[_State, Double
     _, moved = _derived(lambda other: level.pixels(other, rays), state)
     slopes = np.stack([found.slope_x.reshape(-1)[index], found.slope_y.reshape(-1)[index]], axis=-1)
     difference = found.difference.reshape(-1)[index].astype(np.float64)
-    agreement = found.agreement.reshape(-1)[index].astype(np.float64)
+    agreement = (found.agreement * found.moves).reshape(-1)[index].astype(np.float64)
     spread = 1.48 * float(np.median(np.abs(difference))) + 0.05
     weights = agreement**2 / (1 + (difference / (2 * spread)) ** 2) / spread**2 * min(1.0, thinned / _SHARED_PIXELS)
     scene, scene_slopes = _epipolar_terms(state, tracks, level.camera)
