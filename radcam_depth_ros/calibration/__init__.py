@@ -12,17 +12,22 @@ from radcam_depth_ros.calibration.report import (
     ShiftFacts,
     TimeReport,
 )
+from radcam_depth_ros.calibration.road import ROAD_FRAMES, RoadReport, RoadValue, check_road
 
 __all__ = [
     "FRAMES",
     "OK",
+    "ROAD_FRAMES",
     "SUSPECT",
     "UNKNOWN",
     "CalibrationError",
     "Fit",
     "Report",
+    "RoadReport",
+    "RoadValue",
     "SensorReport",
     "ShiftFacts",
     "TimeReport",
     "check",
+    "check_road",
 ]

@@ -13,7 +13,7 @@ import numpy as np
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.calibration.report import OK, SUSPECT, UNKNOWN
 from radcam_depth_ros.calibration.road_plane import PlaneEstimate, Pooled, fit_plane, pool
-from radcam_depth_ros.calibration.road_reading import RoadReading
+from radcam_depth_ros.calibration.road_reading import BEST_TRAVEL_M, RoadReading
 from radcam_depth_ros.calibration.road_texture import TextureError, TexturePair
 from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.frame import GroundPlane
@@ -28,9 +28,13 @@ _LARGEST = (0.08, 0.6, 1.5)
 _TOLERANCES = (0.05, 0.5, 1.0)
 """What differs by less than this, or three standard deviations, is the same; likewise."""
 _HEIGHTS_M = np.geomspace(0.45, 5.0, 34)
-_LEAST_PROMINENCE = 0.04
+_LEAST_PROMINENCE = 0.025
 _LESSER_PEAK = 0.5
+_WIDEST_PEAK = 1.6
+"""A peak as wide as this factor of height, at half its rise, tells no height."""
 _LARGEST_SPREAD = 0.2
+_LEAST_WAY_M = 1.0
+"""From the first pair of images to the last one: less shows only one place of the road."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,12 @@ def check_road(
         if scans and sentence:
             sentence = f"no scan has enough points on the road, and {sentence}"
         source = f"{TEXTURE}+{reading.source}" if reading.source else ""
-        return _report(bag, reading.ground, pool(estimates, _TEXTURE_FLOORS), source, looked_at, sentence)
+        if estimates and reading.travelled_m < _LEAST_WAY_M:
+            estimates, sentence = [], "the vehicle hardly moves"
+        height_floor, *turn_floors = _TEXTURE_FLOORS
+        floors = (math.hypot(height_floor, reading.travel_error), *turn_floors)
+        pooled = pool(estimates, floors, reading.travelled_m / BEST_TRAVEL_M)
+        return _report(bag, reading.ground, pooled, source, looked_at, sentence)
 
 
 def _by_texture(
@@ -164,7 +173,14 @@ def likely_height_m(scores: np.typing.NDArray[np.float64]) -> float | None:
         return None
     # What stands on the road seems nearer than the road: of several peaks the lowest plane's is the road's.
     best = max(place for place in high if rise[place] > _LESSER_PEAK * max(rise[high]))
-    return float(_HEIGHTS_M[best])
+    low = top = best
+    while low > 0 and rise[low - 1] > rise[best] / 2:
+        low -= 1
+    while top < len(rise) - 1 and rise[top + 1] > rise[best] / 2:
+        top += 1
+    # Between two peaks there may be no valley that deep: the steeper side tells.
+    width = min(_HEIGHTS_M[top] / _HEIGHTS_M[best], _HEIGHTS_M[best] / _HEIGHTS_M[low]) ** 2
+    return float(_HEIGHTS_M[best]) if width < _WIDEST_PEAK else None
 
 
 def _report(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -66,7 +67,9 @@ class Pooled:
     count: int
 
 
-def pool(estimates: Sequence[PlaneEstimate], floors: tuple[float, float, float]) -> Pooled | None:
+def pool(
+    estimates: Sequence[PlaneEstimate], floors: tuple[float, float, float], independent: float = math.inf
+) -> Pooled | None:
     """The median of measurements in the order of their times; None of too few.
 
     Neighbours in time share errors: the number of independent ones is that of a first-order autoregressive series.
@@ -74,6 +77,7 @@ def pool(estimates: Sequence[PlaneEstimate], floors: tuple[float, float, float])
     Args:
         estimates: The measurements.
         floors: Least standard deviations: height as a share, pitch and roll in degrees.
+        independent: No more than so many of them are independent of one another.
     """
     if len(estimates) < _FEWEST:
         return None
@@ -84,9 +88,9 @@ def pool(estimates: Sequence[PlaneEstimate], floors: tuple[float, float, float])
     clipped = np.clip(off, -3 * spreads, 3 * spreads)
     power = (clipped**2).sum(axis=0) + 1e-12
     alike = np.clip((clipped[1:] * clipped[:-1]).sum(axis=0) / power, 0.0, 0.9)
-    independent = np.maximum(1.0, len(table) * (1 - alike) / (1 + alike))
+    counts = np.clip(len(table) * (1 - alike) / (1 + alike), 1.0, max(1.0, independent))
     # The median's deviation is that of the mean times the root of pi / 2.
-    deviations = np.sqrt(np.pi / 2) * spreads / np.sqrt(independent)
+    deviations = np.sqrt(np.pi / 2) * spreads / np.sqrt(counts)
     least = np.array([floors[0] * middle[0], *floors[1:]])
     deviations = np.hypot(deviations, least)
     return Pooled(_three(middle), _three(deviations), _three(spreads), len(table))
@@ -160,10 +164,10 @@ def _cells(points_m: FloatArray) -> DoubleArray:
 def _ransac(cells: DoubleArray) -> DoubleArray | None:
     """a, b, c of the plane y = a + b x + c z with most cells on it, less those below it."""
     triples = np.random.default_rng(len(cells)).integers(0, len(cells), (_TRIES, 3))
-    chosen = cells[triples]
-    terms = np.stack([np.ones(chosen.shape[:2]), chosen[..., 0], chosen[..., 2]], axis=-1)
+    corners = cells[triples]
+    terms = np.stack([np.ones(corners.shape[:2]), corners[..., 0], corners[..., 2]], axis=-1)
     solvable = np.abs(np.linalg.det(terms)) > 2.0
-    planes = np.linalg.solve(terms[solvable], chosen[solvable][..., 1:2])[..., 0]
+    planes = np.linalg.solve(terms[solvable], corners[solvable][..., 1:2])[..., 0]
     likely = (np.abs(planes[:, 1:]) < _TILT).all(axis=1) & (planes[:, 0] > _LOWEST_M) & (planes[:, 0] < _HIGHEST_M)
     planes = planes[likely]
     if not len(planes):
@@ -171,4 +175,5 @@ def _ransac(cells: DoubleArray) -> DoubleArray | None:
     off = cells[:, 1] - (planes[:, :1] + planes[:, 1:2] * cells[:, 0] + planes[:, 2:] * cells[:, 2])
     score = (np.abs(off) < _NEAR_M).sum(axis=1) - (off > 2 * _NEAR_M).sum(axis=1)
     best = int(score.argmax())
-    return planes[best] if (np.abs(off[best]) < _NEAR_M).sum() >= _LEAST_CELLS else None
+    chosen: DoubleArray = planes[best]
+    return chosen if (np.abs(off[best]) < _NEAR_M).sum() >= _LEAST_CELLS else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -15,7 +17,7 @@ from radcam_depth_ros.calibration.signals import Signal
 from radcam_depth_ros.drive import DriveSettings, prime
 from radcam_depth_ros.frame import CameraModel, FloatArray, Frame, GroundPlane, ImageArray
 from radcam_depth_ros.frame_builder import FrameBuilder
-from radcam_depth_ros.geometry import GeometryError, RigidTransform
+from radcam_depth_ros.geometry import DoubleArray, GeometryError, RigidTransform
 from radcam_depth_ros.messages import decode_points, decode_radar
 from radcam_depth_ros.motion import Motion, own_motion
 from radcam_depth_ros.pairing import PairingConfig, for_each_radar
@@ -25,11 +27,12 @@ WIDTH_PX = 800
 """Images are looked at no wider than this."""
 TRAVEL_M = (0.5, 4.0)
 """Images are compared over so much travel."""
-_BEST_TRAVEL_M = 1.6
+BEST_TRAVEL_M = 1.6
 _LONGEST_S = 1.0
 _SECOND = 1_000_000_000
 _MOST_SWEEPS, _MOST_STARTS = 3000, 2000
-_LEAST_SHARE = 0.5
+_LEAST_SHARE = 0.8
+"""Doppler that is ambiguous fits a speed, too, but less well."""
 _STRAY_MPS = 1.0
 
 
@@ -61,6 +64,8 @@ class RoadReading:
         topics: The bag's sensors.
         ground: The road as transforms or parameters tell it.
         source: Where the travel comes from: `odometry` or `doppler`; empty where nothing tells.
+        travel_error: Standard deviation of the travel, as a share of it.
+        travelled_m: From the first pair of images to the last one.
 
     Raises:
         RadcamDepthError: when the bag lacks a camera, or holds a message that cannot be used.
@@ -77,7 +82,7 @@ class RoadReading:
             raise CalibrationError(f"no image of {reader.path} could be read; run `radcam-depth inspect`")
         self._camera_frame = first.frame_id
         self.ground: GroundPlane = first.ground
-        self.source = ""
+        self.source, self.travel_error, self.travelled_m = "", 0.0, 0.0
 
     def scans(self, most: int) -> Iterator[FloatArray]:
         """At most so many scans of the LiDAR, evenly spread, (N, 3) in the camera's axes; none where there is none."""
@@ -95,7 +100,11 @@ class RoadReading:
 
     def pairs(self, most: int) -> Iterator[ImagePair]:
         """At most so many pairs of images, evenly spread over where the vehicle moves."""
-        found = self._choose(self._travel(), most)
+        travel = self._travel()
+        found = self._choose(travel, most)
+        self.travelled_m = sum(
+            travel(*self._stamps_ns[[start, end]].tolist()) for (start, _, _), (end, _, _) in itertools.pairwise(found)
+        )
         ends = {second for _, second, _ in found}
         by_first = {first: (second, distance_m) for first, second, distance_m in found}
         held: dict[int, tuple[ImageArray, CameraModel]] = {}
@@ -153,7 +162,7 @@ class RoadReading:
         speed = self._doppler()
         if speed is None:
             return lambda start_ns, end_ns: float("nan")
-        self.source = "doppler"
+        self.source, self.travel_error = "doppler", _unsteadiness(speed)
 
         def travelled(start_ns: int, end_ns: int) -> float:
             times_s = np.linspace(start_ns, end_ns, 9) / _SECOND
@@ -221,7 +230,7 @@ class RoadReading:
                 distance_m = travel(start_ns, end_ns)
                 if not TRAVEL_M[0] <= distance_m <= TRAVEL_M[1]:
                     continue
-                if best is None or abs(np.log(distance_m / _BEST_TRAVEL_M)) < abs(np.log(best[2] / _BEST_TRAVEL_M)):
+                if best is None or abs(np.log(distance_m / BEST_TRAVEL_M)) < abs(np.log(best[2] / BEST_TRAVEL_M)):
                     best = (first, second, distance_m)
             if best is not None:
                 found.append(best)
@@ -238,11 +247,22 @@ def _by_poses(motion: Motion, base_from_camera: RigidTransform) -> Callable[[int
     return travelled
 
 
+def _around(values: DoubleArray) -> DoubleArray:
+    """The median of the values around each."""
+    return np.array([np.median(values[max(0, place - 4) : place + 5]) for place in range(len(values))])
+
+
+def _unsteadiness(speed: Signal) -> float:
+    """Standard deviation of a single speed, as a share of the usual one."""
+    off = np.abs(speed.values - _around(speed.values))
+    return float(1.4826 * np.median(off) / max(0.1, float(np.median(speed.values)))) if len(off) else math.inf
+
+
 def _steady(speed: Signal) -> Signal:
     """Without the sweeps whose speed is not that of those around them."""
     values = speed.values
-    around = np.array([np.median(values[max(0, place - 4) : place + 5]) for place in range(len(values))])
-    return Signal.of(speed.times_s, np.where(np.abs(values - around) < _STRAY_MPS, values, np.nan))
+    around = _around(values)
+    return Signal.of(speed.times_s.tolist(), np.where(np.abs(values - around) < _STRAY_MPS, values, np.nan).tolist())
 
 
 def _spread(count: int, most: int) -> set[int]:

@@ -202,7 +202,7 @@ def _start(tracks: _Tracks, camera: CameraModel) -> tuple[_Tracks, _State]:
     vector[:5] = (*cv2.Rodrigues(rotation)[0][:, 0], np.arctan2(travel[0], travel[2]), np.arcsin(travel[1]))
     for _ in range(8):
         now, jacobian = _epipolar_terms(_State(vector), tracks, camera)
-        information, change = _solved(now, jacobian[:, :5], 1 / (1 + (now / 2) ** 2))
+        _, change = _solved(now, jacobian[:, :5], 1 / (1 + (now / 2) ** 2))
         vector[:5] += change
     state = _State(vector)
     if abs(state.travel[2]) < _LEAST_AHEAD:
@@ -255,12 +255,9 @@ class _Level:
             width, height, camera.fx / factor, camera.fy / factor, camera.cx / factor + move, camera.cy / factor + move
         )
         self.distance_m = distance_m
-        one, two = (
-            cv2.GaussianBlur(
-                cv2.resize(image[: height * factor, : width * factor], (width, height), interpolation=3), (0, 0), 1.0
-            ).astype(np.float32)
-            for image in (first, second)
-        )
+        whole, size = (slice(0, height * factor), slice(0, width * factor)), (width, height)
+        small = (cv2.resize(image[whole], size, interpolation=cv2.INTER_AREA) for image in (first, second))
+        one, two = (cv2.GaussianBlur(image, (0, 0), 1.0).astype(np.float32) for image in small)
         self._first, self._second = one, two
         # What stays at its place in the image is a car ahead, the own bonnet or dirt on the lens.
         patch = _PATCH_PX // factor | 1
@@ -275,7 +272,8 @@ class _Level:
         """Where (..., 2) the second camera sees the road's points."""
         camera = self.camera
         rays = state.second(rays, self.distance_m)[..., :2]
-        return rays * np.array([camera.fx, camera.fy], rays.dtype) + np.array([camera.cx, camera.cy], rays.dtype)
+        focal, centre = np.array([camera.fx, camera.fy], rays.dtype), np.array([camera.cx, camera.cy], rays.dtype)
+        return np.asarray(rays * focal + centre)
 
     def compare(self, state: _State, extent: tuple[float, float]) -> _Comparison:
         """The first image against the second, moved as the road would.
@@ -389,4 +387,4 @@ def _step(level: _Level, tracks: _Tracks, state: _State) -> tuple[_State, Double
     information, change = _solved(
         values, jacobian, np.concatenate([weights, 1 / (1 + (scene / 2) ** 2), np.ones(len(prior))])
     )
-    return _State(state.vector + change), np.linalg.pinv(information), found.correlation
+    return _State(state.vector + change), np.asarray(np.linalg.pinv(information)), found.correlation

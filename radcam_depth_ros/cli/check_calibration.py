@@ -14,7 +14,7 @@ from radcam_depth_ros.cli.terminal.options import Bag, ImageOption, JsonOption, 
 from radcam_depth_ros.cli.terminal.tables import print_table
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.calibration import Report, SensorReport
+    from radcam_depth_ros.calibration import Report, RoadReport, SensorReport
 
 _SUSPECT_EXIT = 1
 _COLUMNS = ("score", "view", "road", "lidar", "doppler", "sweeps")
@@ -25,7 +25,10 @@ _STYLES = {"OK": "green", "SUSPECT": "bold red", "UNKNOWN": "yellow"}
 def check_calibration(
     bag: Bag,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures: radar and LiDAR over the images.")] = None,
-    frames: Annotated[int, typer.Option(min=1, help="So many images are looked at, evenly spread.")] = 12,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, help="So many images are looked at, evenly spread.", show_default="12, with --road 40"),
+    ] = None,
     json_target: JsonOption = None,
     params: ParamsOption = None,
     image: ImageOption = None,
@@ -42,6 +45,12 @@ def check_calibration(
     camera_height: Annotated[
         float | None, typer.Option(min=0.1, help="Metres above the road, in place of what the transforms say.")
     ] = None,
+    road: Annotated[
+        bool, typer.Option("--road", help="Estimate the camera's height above the road, pitch and roll instead.")
+    ] = False,
+    write_params: Annotated[
+        Path | None, typer.Option(help="With --road: write them to this YAML file, as the node's parameters.")
+    ] = None,
 ) -> None:
     """Tells whether radars and LiDAR are where and when a bag says: a wrong sign, a turn of 90 degrees, late stamps.
 
@@ -51,7 +60,10 @@ def check_calibration(
     radcam-depth check-calibration out/placed --out out/overlays
     """
     from radcam_depth_ros import calibration
+    from radcam_depth_ros.frame import RadcamDepthError
 
+    if (road and out is not None) or (write_params is not None and not road):
+        raise RadcamDepthError("--out makes no pictures with --road, and --write-params needs it; leave one out")
     node = node_parameters(
         params,
         {
@@ -73,7 +85,14 @@ def check_calibration(
                 tasks[stage] = bar.add_task(stage, total=total)
             bar.update(tasks[stage], completed=done, total=total)
 
-        report = calibration.check(bag, node.drive_settings(), frames=frames, out=out, progress=tell)
+        settings = node.drive_settings()
+        if road:
+            found = calibration.check_road(bag, settings, frames=frames or calibration.ROAD_FRAMES, progress=tell)
+        else:
+            report = calibration.check(bag, settings, frames=frames or calibration.FRAMES, out=out, progress=tell)
+    if road:
+        _tell_road(found, json_target, write_params)
+        return
     if json_target is not None:
         write_json(dataclasses.asdict(report), json_target)
     else:
@@ -82,6 +101,48 @@ def check_calibration(
         Console(stderr=True).print(f"{out}: {len(report.pictures)} pictures", markup=False, soft_wrap=True)
     if report.verdict == calibration.SUSPECT:
         raise typer.Exit(_SUSPECT_EXIT)
+
+
+def _tell_road(report: RoadReport, json_target: str | None, write_params: Path | None) -> None:
+    """Prints the road, writes the parameter file, and ends with the exit code."""
+    from radcam_depth_ros import calibration, inspection
+    from radcam_depth_ros.frame import RadcamDepthError
+
+    if json_target is not None:
+        write_json(dataclasses.asdict(report), json_target)
+    else:
+        _print_road(report)
+    if write_params is not None:
+        height, *turns = report.values
+        if height.value is None:
+            raise RadcamDepthError(f"{write_params} is not written, since the road is unknown: {report.sentence}")
+        settings = tuple(
+            inspection.Setting(value.parameter, value.value, f"by {report.source}, +- {value.deviation:g}")
+            for value in (height, *turns)
+            if value.value is not None
+        )
+        inspection.write_parameters(write_params, inspection.Suggestion(settings), Path(report.bag).name)
+        Console(stderr=True).print(f"parameters: {write_params}", markup=False, soft_wrap=True)
+    if report.verdict == calibration.SUSPECT:
+        raise typer.Exit(_SUSPECT_EXIT)
+
+
+def _print_road(report: RoadReport) -> None:
+    console = Console()
+    console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
+    console.print(report.verdict, style=_STYLES[report.verdict])
+
+    def cell(number: float | None) -> str:
+        return "" if number is None else f"{number:.2f}"
+
+    rows = tuple(
+        (value.parameter, cell(value.value), cell(value.deviation), cell(value.given), value.verdict)
+        for value in report.values
+    )
+    source = f"{report.source or 'no source'}, {report.frames} of {report.looked_at} frames"
+    print_table(console, source, ("parameter", "measured", "deviation", "given", "verdict"), rows)
+    for value in report.values:
+        _tell(console, value.verdict, f"{value.parameter}: {value.sentence}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from radcam_depth_ros.inspection.report import (
     TopicFacts,
 )
 from radcam_depth_ros.inspection.suggestion import (
+    Setting,
     Suggestion,
     extrinsic_parameters,
     ground_parameters,
@@ -27,6 +28,7 @@ __all__ = [
     "ImageFacts",
     "OffsetFacts",
     "Report",
+    "Setting",
     "Suggestion",
     "TopicFacts",
     "check_parameters",
