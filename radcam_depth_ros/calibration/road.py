@@ -21,7 +21,7 @@ from radcam_depth_ros.frame import GroundPlane
 ROAD_FRAMES = 40
 PARAMETERS = ("camera_height_m", "camera_pitch_deg", "camera_roll_deg")
 LIDAR, TEXTURE = "lidar", "texture"
-_LIDAR_FLOORS, _TEXTURE_FLOORS = (0.005, 0.05, 0.05), (0.01, 0.1, 0.2)
+_LIDAR_FLOORS, _TEXTURE_FLOORS = (0.005, 0.05, 0.05), (0.01, 0.1, 0.4)
 """Least standard deviations: height as a share, pitch and roll in degrees."""
 _LARGEST = (0.08, 0.6, 1.5)
 """What is known no better than that is not told; likewise."""
@@ -117,8 +117,8 @@ def check_road(
         source = f"{TEXTURE}+{reading.source}" if reading.source else ""
         if estimates and reading.travelled_m < _LEAST_WAY_M:
             estimates, sentence = [], "the vehicle hardly moves"
-        height_floor, *turn_floors = _TEXTURE_FLOORS
-        floors = (math.hypot(height_floor, reading.travel_error), *turn_floors)
+        height_floor, pitch_floor, roll_floor = _TEXTURE_FLOORS
+        floors = (math.hypot(height_floor, reading.travel_error), pitch_floor, roll_floor)
         pooled = pool(estimates, floors, reading.travelled_m / BEST_TRAVEL_M)
         return _report(bag, reading.ground, pooled, source, looked_at, sentence)
 

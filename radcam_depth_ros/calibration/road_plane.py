@@ -176,4 +176,4 @@ def _ransac(cells: DoubleArray) -> DoubleArray | None:
     score = (np.abs(off) < _NEAR_M).sum(axis=1) - (off > 2 * _NEAR_M).sum(axis=1)
     best = int(score.argmax())
     chosen: DoubleArray = planes[best]
-    return chosen if (np.abs(off[best]) < _NEAR_M).sum() >= _LEAST_CELLS else None
+    return chosen if int((np.abs(off[best]) < _NEAR_M).sum()) >= _LEAST_CELLS else None
