@@ -49,8 +49,9 @@ def test_the_height_is_found_among_many() -> None:
 
 
 def test_images_without_texture_tell_nothing() -> None:
-    with pytest.raises(TextureError):
-        TexturePair(render(0.0, 0.0), render(1.4, 0.0), CAMERA, 1.4)
+    plain = np.full_like(render(0.0), 120)
+    with pytest.raises(TextureError, match="texture"):
+        TexturePair(plain, plain, CAMERA, 1.4)
 
 
 def test_scores_without_a_peak_give_no_height() -> None:
