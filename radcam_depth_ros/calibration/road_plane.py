@@ -151,7 +151,7 @@ def _cells(points_m: FloatArray) -> DoubleArray:
     """Mean places (M, 3) of the points near the road, one for each cell seen from above and each layer of a height."""
     x, y, z = points_m.T
     kept = (np.abs(x) < _ASIDE_M) & (np.abs(z) < _REACH_M) & (y > _LOWEST_M - _TILT * np.abs(z)) & (y < 2 * _HIGHEST_M)
-    near = points_m[kept].astype(np.float64)
+    near = np.asarray(points_m[kept], np.float64)
     if not len(near):
         return near
     keys = np.floor(near / [_CELL_M, 2 * _NEAR_M, _CELL_M]).astype(np.int64)
