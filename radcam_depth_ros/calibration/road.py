@@ -153,7 +153,12 @@ def _by_texture(
         except TextureError as error:
             problems[str(error)] += 1
         progress("road", number + 1, len(pairs))
-    kept = [estimate for estimate in estimates if abs(math.log(estimate.height_m / height_m)) < math.log(1.3)]
+    kept = [
+        estimate
+        for estimate in estimates
+        if abs(math.log(estimate.height_m / height_m)) < math.log(1.3)
+        and estimate.deviations[0] < _LARGEST_SPREAD * estimate.height_m
+    ]
     return kept, looked_at, problems.most_common(1)[0][0] if problems else ""
 
 

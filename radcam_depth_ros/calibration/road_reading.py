@@ -18,7 +18,7 @@ from radcam_depth_ros.drive import DriveSettings, prime
 from radcam_depth_ros.frame import CameraModel, FloatArray, Frame, GroundPlane, ImageArray
 from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.geometry import DoubleArray, GeometryError, RigidTransform
-from radcam_depth_ros.messages import decode_points, decode_radar
+from radcam_depth_ros.messages import RadarReading, decode_points, decode_radar
 from radcam_depth_ros.motion import Motion, own_motion
 from radcam_depth_ros.pairing import PairingConfig, for_each_radar
 from radcam_depth_ros.resampling import rectify
@@ -31,9 +31,13 @@ BEST_TRAVEL_M = 1.6
 _LONGEST_S = 1.0
 _SECOND = 1_000_000_000
 _MOST_SWEEPS, _MOST_STARTS = 3000, 2000
-_LEAST_SHARE = 0.8
-"""Doppler that is ambiguous fits a speed, too, but less well."""
+_LEAST_SHARE = 0.5
+_FILLED = 0.6
+"""Where a hundredth of the radial speeds lie beyond this share of the extremes, both ways, Doppler is ambiguous."""
+_UNSTEADY = 0.05
+"""Speeds that jump by this share from sweep to sweep are wrong."""
 _STRAY_MPS = 1.0
+_STILL_MPS = 0.3
 
 
 @dataclass(frozen=True)
@@ -200,23 +204,43 @@ class RoadReading:
             len(self.topics.radars),
         )
         found: list[tuple[float, Signal]] = []
-        for index, topic in enumerate(self.topics.radars):
-            picks = _spread(self._reader.count([topic]), _MOST_SWEEPS)
-            times_s, speeds, shares = [], [], []
-            for number, item in enumerate(self._reader.messages([topic])):
-                if number not in picks:
-                    continue
-                reading = decode_radar(item.message, self._config.field_aliases()[index])
-                own = None
-                if not reading.is_over_ground:
-                    own = own_motion(reading.returns.xyz_m, reading.returns.radial_speed_mps)
+        for index, offset_s in enumerate(offsets_s):
+            shares, times_s, speeds, radial = [0.0], [], [], []
+            for reading in self._sweeps(index):
+                returns = reading.returns
+                own = own_motion(returns.xyz_m, returns.radial_speed_mps)
+                radial.append(returns.radial_speed_mps[np.isfinite(returns.radial_speed_mps)])
                 shares.append(0.0 if own is None else own.share)
-                if own is not None:
-                    times_s.append(reading.stamp_ns / _SECOND + offsets_s[index])
+                if own is not None and self._is_ahead(index, reading.frame_id, own.velocity_mps):
+                    times_s.append(reading.stamp_ns / _SECOND + offset_s)
                     speeds.append(own.speed_mps)
-            if shares and np.median(shares) >= _LEAST_SHARE:
-                found.append((float(np.mean(shares)), _steady(Signal.of(times_s, speeds))))
+            if 2 * len(speeds) < len(shares) or _is_ambiguous(np.concatenate(radial)):
+                continue
+            speed, share = _steady(Signal.of(times_s, speeds)), float(np.median(shares))
+            if share >= _LEAST_SHARE and _unsteadiness(speed) < _UNSTEADY:
+                found.append((share, speed))
         return max(found, key=lambda item: item[0])[1] if found else None
+
+    def _sweeps(self, index: int) -> Iterator[RadarReading]:
+        """A radar's sweeps with speeds relative to it, evenly spread."""
+        topic, aliases = self.topics.radars[index], self._config.field_aliases()[index]
+        picks = _spread(self._reader.count([topic]), _MOST_SWEEPS)
+        for number, item in enumerate(self._reader.messages([topic])):
+            if number in picks:
+                reading = decode_radar(item.message, aliases)
+                if not reading.is_over_ground:
+                    yield reading
+
+    def _is_ahead(self, index: int, radar_frame: str, velocity_mps: DoubleArray) -> bool:
+        """Whether a radar's velocity is along the camera's view; True where nobody tells how the radar is mounted."""
+        fixed = np.reshape(self._config.camera_from_radar, (-1, 7))
+        if len(fixed):
+            rotation = RigidTransform.from_quaternion(fixed[index, :3], fixed[index, 3:]).rotation
+        elif self._transforms.can_transform(self._camera_frame, radar_frame):
+            rotation = self._transforms.lookup(self._camera_frame, radar_frame).rotation
+        else:
+            return True
+        return bool((rotation @ velocity_mps)[2] > -_STILL_MPS)
 
     def _choose(self, travel: Callable[[int, int], float], most: int) -> list[tuple[int, int, float]]:
         """Pairs of images (first, second, metres), evenly spread."""
@@ -247,6 +271,14 @@ def _by_poses(motion: Motion, base_from_camera: RigidTransform) -> Callable[[int
     return travelled
 
 
+def _is_ambiguous(radial_mps: FloatArray) -> bool:
+    """Whether radial speeds fill an interval to both ends: those beyond have been folded into it."""
+    if not len(radial_mps):
+        return False
+    low, high = np.percentile(radial_mps, [1, 99])
+    return bool(low < _FILLED * radial_mps.min() < 0 and high > _FILLED * radial_mps.max() > 0)
+
+
 def _around(values: DoubleArray) -> DoubleArray:
     """The median of the values around each."""
     return np.array([np.median(values[max(0, place - 4) : place + 5]) for place in range(len(values))])
@@ -255,7 +287,7 @@ def _around(values: DoubleArray) -> DoubleArray:
 def _unsteadiness(speed: Signal) -> float:
     """Standard deviation of a single speed, as a share of the usual one."""
     off = np.abs(speed.values - _around(speed.values))
-    return float(1.4826 * np.median(off) / max(0.1, float(np.median(speed.values)))) if len(off) else math.inf
+    return float(1.4826 * np.median(off) / max(1.0, float(np.median(speed.values)))) if len(off) else math.inf
 
 
 def _steady(speed: Signal) -> Signal:
