@@ -23,7 +23,7 @@ from radcam_depth_ros.cli.terminal.options import (
 from radcam_depth_ros.reporting.terminal import print_table
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.calibration import Report, SensorReport
+    from radcam_depth_ros.calibration import Report, RoadReport, SensorReport
 
 _SUSPECT_EXIT = 1
 _COLUMNS = ("score", "view", "road", "lidar", "doppler", "sweeps")
@@ -34,7 +34,10 @@ _STYLES = {"OK": "green", "SUSPECT": "bold red", "UNKNOWN": "yellow"}
 def check_calibration(
     bag: Bag,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures: radar and LiDAR over the images.")] = None,
-    frames: Annotated[int, typer.Option(min=1, help="Number of images to check, evenly spread.")] = 12,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of images to check, evenly spread.", show_default="12, with --road 40"),
+    ] = None,
     json_target: JsonOption = None,
     params: ParamsOption = None,
     image: ImageOption = None,
@@ -49,6 +52,12 @@ def check_calibration(
         float | None, typer.Option(help="Added to the radars' stamps, as the node's parameter is.", show_default="0.0")
     ] = None,
     camera_height: CameraHeightOption = None,
+    road: Annotated[
+        bool, typer.Option("--road", help="Estimate the camera's height above the road, pitch and roll instead.")
+    ] = False,
+    write_params: Annotated[
+        Path | None, typer.Option(help="With --road: write them to this YAML file, as the node's parameters.")
+    ] = None,
 ) -> None:
     """Checks the mounting and time stamps of radars and LiDAR: wrong signs, turns of 90 degrees, late stamps.
 
@@ -58,7 +67,10 @@ def check_calibration(
     radcam-depth check-calibration out/placed --out out/overlays
     """
     from radcam_depth_ros import calibration
+    from radcam_depth_ros.frame import RadcamDepthError
 
+    if (road and out is not None) or (write_params is not None and not road):
+        raise RadcamDepthError("--out makes no pictures with --road, and --write-params needs it; leave one out")
     node = node_parameters(
         params,
         {
@@ -80,7 +92,14 @@ def check_calibration(
                 tasks[step] = bar.add_task(step, total=total)
             bar.update(tasks[step], completed=done, total=total)
 
-        report = calibration.check(bag, node.drive_settings(), frames=frames, out=out, progress=show)
+        settings = node.drive_settings()
+        if road:
+            found = calibration.check_road(bag, settings, frames=frames or calibration.ROAD_FRAMES, progress=show)
+        else:
+            report = calibration.check(bag, settings, frames=frames or calibration.FRAMES, out=out, progress=show)
+    if road:
+        _print_road(found, json_target, write_params)
+        return
     if json_target is not None:
         write_json(dataclasses.asdict(report), json_target)
     else:
@@ -89,6 +108,48 @@ def check_calibration(
         Console(stderr=True).print(f"{out}: {len(report.pictures)} pictures", markup=False, soft_wrap=True)
     if report.verdict == calibration.SUSPECT:
         raise typer.Exit(_SUSPECT_EXIT)
+
+
+def _print_road(report: RoadReport, json_target: str | None, write_params: Path | None) -> None:
+    """Prints the road, writes the parameter file, and ends with the exit code."""
+    from radcam_depth_ros import calibration, inspection
+    from radcam_depth_ros.frame import RadcamDepthError
+
+    if json_target is not None:
+        write_json(dataclasses.asdict(report), json_target)
+    else:
+        _print_road_table(report)
+    if write_params is not None:
+        height, *turns = report.values
+        if height.value is None:
+            raise RadcamDepthError(f"{write_params} is not written, since the road is unknown: {report.sentence}")
+        settings = tuple(
+            inspection.Setting(value.parameter, value.value, f"by {report.source}, +- {value.deviation:g}")
+            for value in (height, *turns)
+            if value.value is not None
+        )
+        inspection.write_parameters(write_params, inspection.Suggestion(settings), Path(report.bag).name)
+        Console(stderr=True).print(f"parameters: {write_params}", markup=False, soft_wrap=True)
+    if report.verdict == calibration.SUSPECT:
+        raise typer.Exit(_SUSPECT_EXIT)
+
+
+def _print_road_table(report: RoadReport) -> None:
+    console = Console()
+    console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
+    console.print(report.verdict, style=_STYLES[report.verdict])
+
+    def cell(number: float | None) -> str:
+        return "" if number is None else f"{number:.2f}"
+
+    rows = tuple(
+        (value.parameter, cell(value.value), cell(value.deviation), cell(value.given), value.verdict)
+        for value in report.values
+    )
+    source = f"{report.source or 'no source'}, {report.frames} of {report.looked_at} frames"
+    print_table(console, source, ("parameter", "measured", "deviation", "given", "verdict"), rows)
+    for value in report.values:
+        _print_verdict(console, value.verdict, f"{value.parameter}: {value.sentence}")
 
 
 def _numbers(text: str | None) -> tuple[float, ...]:
@@ -114,9 +175,9 @@ def _print(report: Report) -> None:
         style="dim",
     )
     for sensor in report.sensors:
-        _tell(console, sensor.verdict, f"{sensor.topic}, place: {sensor.sentence}")
+        _print_verdict(console, sensor.verdict, f"{sensor.topic}, place: {sensor.sentence}")
     for time in report.times:
-        _tell(console, time.verdict, f"{time.topic}, time: {time.sentence}")
+        _print_verdict(console, time.verdict, f"{time.topic}, time: {time.sentence}")
     if not report.road_is_known:
         console.print("the road is assumed 1.4 m below a level camera; --camera-height tells it", markup=False)
     if report.seconds_read < report.seconds:
@@ -132,6 +193,6 @@ def _print_places(console: Console, sensor: SensorReport) -> None:
     print_table(console, f"{sensor.topic}: {sensor.verdict}", ("placed", *_COLUMNS), rows)
 
 
-def _tell(console: Console, verdict: str, sentence: str) -> None:
+def _print_verdict(console: Console, verdict: str, sentence: str) -> None:
     console.print(f"{verdict}: ", style=_STYLES[verdict], end="")
     console.print(sentence, markup=False, highlight=False, soft_wrap=True)

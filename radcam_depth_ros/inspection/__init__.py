@@ -2,6 +2,7 @@
 
 from radcam_depth_ros.inspection.report import CameraFacts, CloudFacts, Report, TopicFacts
 from radcam_depth_ros.inspection.suggestion import (
+    Setting,
     Suggestion,
     check_parameters,
     extrinsic_parameters,
@@ -15,6 +16,7 @@ __all__ = [
     "CameraFacts",
     "CloudFacts",
     "Report",
+    "Setting",
     "Suggestion",
     "TopicFacts",
     "check_parameters",
