@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, ImageArray, RadcamDepthError
+import numpy as np
+
+from radcam_depth_ros.frame import CameraModel, DepthResult, FloatArray, Frame, ImageArray, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.messages import (
     COLORMAPS,
@@ -27,6 +29,10 @@ from radcam_depth_ros.messages import (
 from radcam_depth_ros.resampling import rectify, resample_image
 from radcam_depth_ros.setting import check_choices, setting
 
+SKIES = ("infinity", "none")
+SKY_FROM = 0.5
+"""Probability of the sky from which on a pixel has no depth."""
+
 
 class EncoderError(RadcamDepthError):
     """An output setting that cannot be used."""
@@ -40,6 +46,13 @@ class OutputConfig:
         "32FC1",
         'Encoding of depth images (REP 118). 32FC1 is metres with NaN for "no value", 16UC1 millimetres with 0.',
         choices=DEPTH_ENCODINGS,
+        live=True,
+    )
+    sky: str = setting(
+        "infinity",
+        "Dense depth of pixels that show the sky, where the network tells them: infinity is +Inf (REP 117: beyond the "
+        "range), none is NaN. Both are 0 in 16UC1, and give no point.",
+        choices=SKIES,
         live=True,
     )
     preview_colormap: str = setting(
@@ -98,6 +111,16 @@ class EncoderInput:
         return self.frame.stamp_ns, self.frame.frame_id
 
     @cached_property
+    def dense(self) -> FloatArray:
+        """The dense depth as it is published, (H, W) float32 metres: without the sky, where the network tells it."""
+        sky, dense = self.result.sky, self.result.dense
+        if sky is None:
+            return dense
+        value = np.float32(np.inf if self.config.sky == "infinity" else np.nan)
+        np.copyto(dense, value, where=sky >= SKY_FROM)
+        return dense
+
+    @cached_property
     def camera_info(self) -> Any:
         """sensor_msgs/CameraInfo of the depth images."""
         return encode_camera_info(self.factory, self.result.camera, *self.stamp)
@@ -137,7 +160,7 @@ class Output:
 
 
 def _depth(given: EncoderInput) -> Any:
-    return encode_depth(given.factory, given.result.dense, *given.stamp, encoding=given.config.depth_encoding)
+    return encode_depth(given.factory, given.dense, *given.stamp, encoding=given.config.depth_encoding)
 
 
 def _semi_dense(given: EncoderInput) -> Any:
@@ -155,14 +178,14 @@ def _confidence(given: EncoderInput) -> Any:
 def _preview(given: EncoderInput) -> Any:
     config = given.config
     range_m = (config.preview_near_m, config.preview_far_m)
-    return encode_preview(given.factory, given.result.dense, *range_m, *given.stamp, colormap=config.preview_colormap)
+    return encode_preview(given.factory, given.dense, *range_m, *given.stamp, colormap=config.preview_colormap)
 
 
 def _points(given: EncoderInput) -> Any:
     config, result = given.config, given.result
     return encode_cloud(
         given.factory,
-        result.dense,
+        given.dense,
         image_at(given.frame, result.camera),
         result.camera,
         *given.stamp,

@@ -248,4 +248,5 @@ class Estimator:
             enlarge_smooth(confidence, plan, camera),
             len(inputs.radar),
             None if class_map is None else enlarge_nearest(class_map[0, 0].numpy(), plan, camera),
+            None if depths.sky is None else enlarge_smooth(depths.sky[0, 0].numpy(), plan, camera),
         )

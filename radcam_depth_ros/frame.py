@@ -255,6 +255,7 @@ class DepthResult:
         confidence: (H, W) float32, 0 to 1.
         radar_in_view: Number of radar returns that the network was given.
         classes: (H, W) uint8, what a pixel shows, as `classes.CLASS_NAMES`; None of a network that does not tell.
+        sky: (H, W) float32, 0 to 1, the probability that a pixel shows the sky; None of a network that does not tell.
     """
 
     stamp_ns: int
@@ -265,11 +266,14 @@ class DepthResult:
     confidence: FloatArray
     radar_in_view: int
     classes: ImageArray | None = None
+    sky: FloatArray | None = None
 
     def __post_init__(self) -> None:
         expected = (self.camera.height, self.camera.width)
-        for name in ("dense", "semi_dense", "confidence"):
+        for name in ("dense", "semi_dense", "confidence", "sky"):
             image = getattr(self, name)
+            if image is None:
+                continue
             if image.shape != expected or image.dtype != np.float32:
                 raise FrameError(f"{name} must be {expected} float32, got {image.shape} {image.dtype}")
         if self.classes is not None and (self.classes.shape != expected or self.classes.dtype != np.uint8):

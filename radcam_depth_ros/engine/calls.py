@@ -44,8 +44,9 @@ def forward(
 
 def each(depths: Depths, change: Callable[[Tensor], Tensor]) -> Depths:
     """Depths with every map changed; what a network does not give stays away."""
-    classes = None if depths.classes is None else change(depths.classes)
-    return Depths(change(depths.dense), change(depths.semi_dense), change(depths.confidence), classes)
+    dense, semi_dense, confidence = change(depths.dense), change(depths.semi_dense), change(depths.confidence)
+    optional = (None if values is None else change(values) for values in (depths.classes, depths.sky))
+    return Depths(dense, semi_dense, confidence, *optional)
 
 
 class PlainCalls:

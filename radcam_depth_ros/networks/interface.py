@@ -24,19 +24,21 @@ RADAR_COLUMNS = ("u_px", "v_px", "depth_m", "rcs_dbsm", "radial_speed_mps", "age
 
 
 class Depths(NamedTuple):
-    """What every network returns; each (B, 1, H, W), float32 but for `classes`.
+    """What every network returns; each (B, 1, H, W), float32 but for `classes`, the sky of that size or half of it.
 
     dense: metres within the network's depth range, everywhere.
     semi_dense: metres where a radar return was associated, NaN elsewhere.
     confidence: probability that `dense` is within 10 % of the true depth; what else it may be its network tells.
     classes: what a pixel shows, uint8, the training ids of Cityscapes (`classes.CLASS_NAMES`); None of a network that
         does not tell.
+    sky: probability that a pixel shows the sky; None of a network that does not tell.
     """
 
     dense: Tensor
     semi_dense: Tensor
     confidence: Tensor
     classes: Tensor | None = None
+    sky: Tensor | None = None
 
 
 class Association(NamedTuple):
@@ -70,6 +72,9 @@ class TrainOutputs(NamedTuple):
     `road_m` is the depth of the road as the network corrected it, (B, 1, h, w) with the image's size or smaller by a
     whole factor.
 
+    `own_m` and `geometry_m` are the network's own depth and geometry's, between which the dense depth lies, and
+    `sky_logit` is the logit of the sky, all (B, 1, h, w) likewise.
+
     Parts of a network whose weights are fixed (`requires_grad` is False) give None: what does not learn has no loss.
     """
 
@@ -78,6 +83,9 @@ class TrainOutputs(NamedTuple):
     association: Association | None
     candidates: Candidates | None
     road_m: Tensor | None
+    own_m: Tensor | None = None
+    geometry_m: Tensor | None = None
+    sky_logit: Tensor | None = None
 
 
 class Network(nn.Module):

@@ -62,3 +62,9 @@ def migrated(network: str, architecture: Mapping[str, Any]) -> tuple[str, dict[s
             stacklevel=3,
         )
     return network, values
+
+
+def completed(network: str, architecture: Mapping[str, Any]) -> dict[str, Any]:
+    """The architecture of a card with the keys that its version did not have, so that its depth stays as it was."""
+    without_mix = {"geometry_mix": False} if network in ("baff", "baseline") else {}
+    return {**without_mix, **architecture}

@@ -158,6 +158,7 @@ class Structured(SinglePass):
         self.threshold = config.threshold
         self.agreement = AGREEMENT
         self.weighs = config.fusion == "conf"
+        self.sky_class = CLASS_NAMES.index("sky")
         blocks, width = BLOCKS[config.backbone], config.joined_channels
         self.image_encoder = ResNet(blocks)
         self.radar_encoder = RadarEncoder(blocks, config.radar_channels)
@@ -199,6 +200,7 @@ class Structured(SinglePass):
             results.append(_enlarged(result, size))
         class_logits: Tensor | None = None
         classes: Tensor | None = None
+        sky: Tensor | None = None
         if self.class_decoder is not None:
             feature, result = self.class_decoder(joined)
             features.append(feature)
@@ -206,6 +208,7 @@ class Structured(SinglePass):
             # Passes no gradient, as in the paper: classes are learned from classes.
             classes = logits.argmax(dim=1, keepdim=True)
             class_logits = logits
+            sky = torch.softmax(logits.float(), dim=1)[:, self.sky_class : self.sky_class + 1]
         dense = self._fused(results, classes, ground)
         # Not in the paper; so that the depth is learned as without, nothing passes back into the decoders.
         confidence_logit = _enlarged(self.confidence(torch.cat([x.detach() for x in features], dim=1)), size)
@@ -218,7 +221,7 @@ class Structured(SinglePass):
             dense = self.cautious(dense, confidence_logit, radar, valid, ground)
         if classes is not None:
             classes = classes.to(torch.uint8)
-        depths = Depths(dense, semi_dense, confidence, classes)
+        depths = Depths(dense, semi_dense, confidence, classes, sky)
         return StructuredOutputs(depths, confidence_logit, coarse, is_reached, class_logits)
 
     def _fused(self, results: list[Tensor], classes: Tensor | None, ground: Tensor) -> Tensor:

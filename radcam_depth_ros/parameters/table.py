@@ -40,6 +40,7 @@ SECTIONS = {
     "Without radar": {name: f"frame_builder.{name}" for name in ("without_radar", "max_hold_s")},
     "Outputs": {
         "depth_encoding": "output.depth_encoding",
+        "sky": "output.sky",
         "preview_colormap": "output.preview_colormap",
         "preview_near_m": "output.preview_near_m",
         "preview_far_m": "output.preview_far_m",

@@ -33,6 +33,7 @@ class Choice(NamedTuple):
     parts: (B, 3, detail detail, h, w), planes of the candidates that differ between the parts of a pixel.
     others: (B, 5, h, w), planes of the others.
     near: (B, 1, h detail, w detail), the nearest return, or the road where that is nearer.
+    features: (B, channels, h, w), which the head chose by.
     """
 
     plane: Tensor
@@ -42,6 +43,7 @@ class Choice(NamedTuple):
     parts: Tensor
     others: Tensor
     near: Tensor
+    features: Tensor
 
 
 class DepthEncoder(nn.Module):
@@ -144,7 +146,8 @@ class QuarterFusion(nn.Module):
         image_maps = [maps[0] + self.shared(features), maps[1], maps[2], maps[3]]
         fused = self.gates(image_maps, depth_maps)
         # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.
-        raw = self.head(self.refinement(self.bidirectional(fused)))
+        refined = self.refinement(self.bidirectional(fused))
+        raw = self.head(refined)
         batch, rows, columns = raw.shape[0], raw.shape[2], raw.shape[3]
         first_bin = raw.shape[1] - self.bins.shape[0]
         bin_logits = raw[:, first_bin:]
@@ -164,6 +167,7 @@ class QuarterFusion(nn.Module):
             parts,
             others,
             self.spread(parts[:, 2:]),
+            refined,
         )
 
     def hypotheses(self, choice: Choice) -> tuple[Tensor, Tensor]:

@@ -4,16 +4,18 @@ Section and equation numbers in comments are those of [Electronics2025].
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.networks.baff.association import FEATURES, OUTSIDE, EmbeddingAssociation, PointEncoder
+from radcam_depth_ros.networks.baff.geometry_mix import EMPHASIS, GeometryMix
 from radcam_depth_ros.networks.baff.ground_refinement import RoadVotes
 from radcam_depth_ros.networks.baff.head import Choice, QuarterFusion
 from radcam_depth_ros.networks.baff.regions import RegionAssociation, check_region_width
+from radcam_depth_ros.networks.baff.sky import SkyHead
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs, learns
 from radcam_depth_ros.networks.layers.blocks import QuarterEncoder
@@ -29,6 +31,22 @@ from radcam_depth_ros.networks.layers.rasterise import (
 )
 from radcam_depth_ros.networks.registry import register
 
+
+class Decision(NamedTuple):
+    """What becomes of a choice.
+
+    depths: As every network returns them.
+    confidence_logit: (B, 1, H, W).
+    geometry: (B, 1, h detail, w detail), the plane of geometry's depth.
+    sky_logit: (B, 1, H / 2, W / 2), where the sky is told.
+    """
+
+    depths: Depths
+    confidence_logit: Tensor
+    geometry: Tensor
+    sky_logit: Tensor | None
+
+
 AGREEMENT = 0.2
 """Relative difference of the stages' depths at which the semi-dense depth counts 1 / e as much as without any."""
 
@@ -41,8 +59,10 @@ class BaffConfig(NetworkConfig):
         association: `embedding` (one decoder pass however many returns) or `regions` (the paper's, one for each).
         threshold: tau, the confidence of both stages from which on a pixel of the semi-dense depth takes its return's
             depth.
-        caution: Where the confidence is lower, the dense depth leans to geometry's: the nearest return, or the road
-            where that is nearer. 0: nowhere.
+        geometry_mix: Mix the dense depth with geometry's on the road as told, see `geometry_mix.GeometryMix`, and give
+            the sky. A road that is told is then never corrected. False is the form of older weights.
+        caution: Without `geometry_mix`: where the confidence is lower, the dense depth leans to geometry's: the nearest
+            return, or the road where that is nearer. 0: nowhere.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
@@ -64,6 +84,7 @@ class BaffConfig(NetworkConfig):
 
     association: str = "embedding"
     threshold: float = 0.25
+    geometry_mix: bool = True
     caution: float = 0.7
     region_width_px: int = 160
     embedding_dims: int = 32
@@ -107,7 +128,7 @@ class Baff(Network):
     about = "association, then attention fusion (Electronics 2025)"
     config_type = BaffConfig
     stride: Final[int] = STRIDE
-    parts = ("context", "encoder", "association", "road", "fusion")
+    parts = ("context", "encoder", "association", "road", "fusion", "sky", "mix")
     sections = (
         ("rasterise", "rasterise"),
         ("image encoder", "encoder"),
@@ -119,6 +140,8 @@ class Baff(Network):
         *((f"attention 1/{16 >> index}", f"fusion.refinement.attention.{index}") for index in range(2)),
         *(("refinement", f"fusion.refinement.up.{index}") for index in range(2)),
         ("head", "fusion.head"),
+        ("sky", "sky"),
+        ("mix with geometry", "mix"),
     )
     backbones = ("context",)
     adjustable = ("threshold", "caution")
@@ -133,6 +156,7 @@ class Baff(Network):
         self.caution = Caution(config.caution)
         self.outside = OUTSIDE
         self.detail = config.detail
+        self.emphasis = EMPHASIS
         points = PointEncoder(config.focal_length_px, config.min_depth_m, config.max_depth_m)
         features = FEATURES[2]
         if config.association == "embedding":
@@ -149,15 +173,20 @@ class Baff(Network):
         widths = ContextEncoder.CHANNELS if config.context != "none" else ()
         self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks, widths, config.instance_norm)
         self.context = ContextEncoder() if config.context != "none" else None
+        self.keeps_told = config.geometry_mix
         self.road = RoadVotes(config.channels) if config.road and config.ground_prior else None
+        self.sky = SkyHead(config.channels) if config.geometry_mix else None
+        self.mix = GeometryMix(config.channels[0], config.detail) if config.geometry_mix else None
         self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
         maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
         best, depth, features = self.association(image, maps, radar, valid)
-        road = self._road(maps, ground, image)
-        return self._choose(maps, features, best, depth, geometry, road)[0]
+        used, seen = self._roads(maps, ground)
+        choice = self._choose(maps, features, best, depth, geometry, self._drawn(used, image))
+        told, found = self._drawn(ground, image), self._drawn(seen, image)
+        return self._decide(image, valid, maps, geometry, told, found, best, depth, choice).depths
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
@@ -168,18 +197,33 @@ class Baff(Network):
         """
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
         maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
-        road = self._road(maps, ground, image)
+        used, seen = self._roads(maps, ground)
+        found = self._drawn(seen, image)
         association: Association | None = None
         if learns(self.association):
             association, best, depth, features = self.association.train_outputs(image, maps, radar, valid)
         else:
             best, depth, features = self.association(image, maps, radar, valid)
-        if not learns(self.fusion):
+        if not (learns(self.fusion) or (self.mix is not None and learns(self.mix))):
             return TrainOutputs(None, None, association, None, None)
-        depths, confidence_logit, choice = self._choose(maps, features, best, depth, geometry, road)
+        choice = self._choose(maps, features, best, depth, geometry, self._drawn(used, image))
+        told = self._drawn(ground, image)
+        decision = self._decide(image, valid, maps, geometry, told, found, best, depth, choice)
         logits, planes = self.fusion.hypotheses(choice)
-        candidates = Candidates(logits, self._depth(planes))
-        return TrainOutputs(depths, confidence_logit, association, candidates, self._depth(road))
+        candidates = Candidates(logits, self._depth(planes)) if learns(self.fusion) else None
+        own_m, geometry_m = (
+            (None, None) if self.mix is None else (self._depth(choice.plane), self._depth(decision.geometry))
+        )
+        return TrainOutputs(
+            decision.depths,
+            decision.confidence_logit,
+            association,
+            candidates,
+            self._depth(found),
+            own_m,
+            geometry_m,
+            decision.sky_logit,
+        )
 
     def _context(self, image: Tensor) -> list[Tensor]:
         maps: list[Tensor] = []
@@ -187,19 +231,24 @@ class Baff(Network):
             maps = self.context(image)
         return maps
 
-    def _road(self, maps: list[Tensor], ground: Tensor, image: Tensor) -> Tensor:
-        """The road's plane (B, 1, h detail, w detail), corrected where that is learned."""
-        if self.road is not None:
-            ground = self.road(maps, ground)
+    def _roads(self, maps: list[Tensor], ground: Tensor) -> tuple[Tensor, Tensor]:
+        """The road to use, a told one to the digit, and the road as the image shows it, both (B, 4)."""
+        if self.road is None:
+            return ground, ground
+        seen = self.road(maps, ground)
+        used = torch.where(ground[:, 3:] > 0.5, ground, seen) if self.keeps_told else seen
+        return used, seen
+
+    def _drawn(self, ground: Tensor, image: Tensor) -> Tensor:
+        """A road's plane (B, 1, h detail, w detail)."""
         road: Tensor = self.rasterise.road(ground, image.shape[2], image.shape[3])
         return road
 
     def _choose(
         self, maps: list[Tensor], features: Tensor, best: Tensor, depth: Tensor, geometry: Geometry, road: Tensor
-    ) -> tuple[Depths, Tensor, Choice]:
-        """Stage 2 at a quarter: the depths, the confidence's logit at the image's size, and the choice behind them."""
-        rows, columns = features.shape[2], features.shape[3]
-        strongest, found_m = best, depth
+    ) -> Choice:
+        """Stage 2 at a quarter: the choice between depths."""
+        rows = features.shape[2]
         # Of regions, which work at the image's size, one pixel stands for its cell: depths are not blended.
         step = best.shape[2] // rows
         best, depth = (
@@ -215,17 +264,48 @@ class Baff(Network):
         likely = torch.where(probability > 0.5, found, torch.zeros_like(found))
         known = torch.cat([likely, probability, geometry.drawn], dim=1)
         suggested = torch.cat([geometry.nearest, geometry.layers, found], dim=1)
-        choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
-        plane, confidence_logit = choice.plane, choice.confidence_logit
-        if not self.training:
-            plane = self.caution(plane, confidence_logit, choice.near)
-        size = (rows * self.stride, columns * self.stride)
+        choice: Choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
+        return choice
+
+    def _decide(
+        self,
+        image: Tensor,
+        valid: Tensor,
+        maps: list[Tensor],
+        geometry: Geometry,
+        told: Tensor,
+        seen: Tensor,
+        best: Tensor,
+        depth: Tensor,
+        choice: Choice,
+    ) -> Decision:
+        """The dense depth of the network's and geometry's, its confidence, and the sky, all at the image's size."""
+        plane, confidence_logit, near = choice.plane, choice.confidence_logit, choice.near
+        sky_logit: Tensor | None = None
+        sky: Tensor | None = None
+        if self.mix is not None and self.sky is not None:
+            sky_logit, sky_features = self.sky(image, maps, geometry.prior[:, :1])
+            near = torch.minimum(told, functional.interpolate(geometry.nearest, scale_factor=float(self.detail)))
+            planes = [
+                geometry.prior,
+                torch.sigmoid(functional.avg_pool2d(confidence_logit.detach(), self.detail)),
+                self.emphasis * functional.avg_pool2d(seen.detach() - told, self.detail),
+                torch.sigmoid(functional.avg_pool2d(sky_logit.detach(), 2)),
+            ]
+            returns = valid.sum(dim=1, keepdim=True)
+            known = torch.cat([values.float() for values in planes], dim=1)
+            features = choice.features
+            plane, confidence_logit = self.mix(image, returns, features, sky_features.detach(), known, plane, near)
+            sky = torch.sigmoid(sky_logit)
+        elif not self.training:
+            plane = self.caution(plane, confidence_logit, near)
+        size = (image.shape[2], image.shape[3])
         if self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")
             confidence_logit = functional.interpolate(confidence_logit, size, mode="bilinear")
-        semi_dense = self._agreed(strongest, found_m, choice)
-        semi_dense = functional.interpolate(semi_dense, size, mode="nearest")
-        return Depths(self._depth(plane), semi_dense, torch.sigmoid(confidence_logit)), confidence_logit, choice
+        semi_dense = functional.interpolate(self._agreed(best, depth, choice), size, mode="nearest")
+        depths = Depths(self._depth(plane), semi_dense, torch.sigmoid(confidence_logit), None, sky)
+        return Decision(depths, confidence_logit, near, sky_logit)
 
     def _probability(self, best: Tensor) -> Tensor:
         """Of stage 1's return."""

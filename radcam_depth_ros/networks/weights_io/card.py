@@ -11,7 +11,7 @@ from radcam_depth_ros import configuration
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.interface import Network
-from radcam_depth_ros.networks.migration import migrated
+from radcam_depth_ros.networks.migration import completed, migrated
 
 CARD_FORMAT = 1
 
@@ -93,8 +93,8 @@ def read_card(text: str, source: str) -> Card:
             f"{source} is of card format {card.card_format}, this package reads {CARD_FORMAT}; update it"
         )
     network, architecture = migrated(card.network, card.architecture)
-    card = replace(card, network=network, architecture=architecture)
-    config = registry.create_config(network, architecture)
+    card = replace(card, network=network, architecture=completed(network, architecture))
+    config = registry.create_config(network, card.architecture)
     for name in ("focal_length_px", "min_depth_m", "max_depth_m"):
         if getattr(config, name) != getattr(card, name):
             raise ArchiveError(

@@ -49,6 +49,8 @@ class LossConfig:
             0 is the paper's loss.
         confidence: Weight of the confidence's binary cross entropy.
         confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
+        sky_probability: Weight of the binary cross entropy of the sky, where a network tells it.
+        geometry: Weight of how much farther off than geometry's the dense depth of a frame is, where both are mixed.
     """
 
     association: float
@@ -67,6 +69,8 @@ class LossConfig:
     log_depth: float
     confidence: float
     confidence_tolerance: float
+    sky_probability: float
+    geometry: float
 
     def __post_init__(self) -> None:
         weights = (
@@ -81,6 +85,8 @@ class LossConfig:
             self.choice_sky,
             self.sky_margin_px,
             self.association_tolerance_share,
+            self.sky_probability,
+            self.geometry,
         )
         if min(weights) < 0:
             raise TrainingError(f"loss weights must not be negative, got {min(weights)}")
@@ -237,6 +243,44 @@ def confidence_loss(
     return masked_mean(entropy, in_range, ranks)
 
 
+def sky_loss(logit: Tensor, truth_m: Tensor, ranks: Ranks = ALONE) -> Tensor:
+    """Binary cross entropy of the sky; a surface counts three times, since a lost one is worse than a wall in the sky.
+
+    Args:
+        logit: (B, 1, h, w), smaller than the truth by a whole factor.
+        truth_m: (B, 1, H, W) metres; +inf is the sky, NaN pixels do not count.
+        ranks: As in `association_loss`.
+    """
+    stride = truth_m.shape[2] // logit.shape[2]
+    truth = truth_m[:, :, ::stride, ::stride]
+    sky = torch.isinf(truth)
+    entropy = functional.binary_cross_entropy_with_logits(logit.float(), sky.float(), reduction="none")
+    return masked_mean(entropy, torch.where(sky, 1.0, 3.0) * ~torch.isnan(truth), ranks)
+
+
+def geometry_loss(dense_m: Tensor, geometry_m: Tensor, truth_m: Tensor, ranks: Ranks = ALONE) -> Tensor:
+    """How much farther off than geometry's the dense depth of each frame is, as a share, within 50 and 80 m.
+
+    Args:
+        dense_m: (B, 1, H, W) metres.
+        geometry_m: (B, 1, h, w) metres, smaller by a whole factor.
+        truth_m: As `dense_m`; NaN and +inf do not count.
+        ranks: As in `association_loss`.
+    """
+    stride = truth_m.shape[2] // geometry_m.shape[2]
+    truth, dense_m = truth_m[:, :, ::stride, ::stride], dense_m[:, :, ::stride, ::stride]
+    worse = dense_m.new_zeros((len(dense_m), 1))
+    for limit_m in (50.0, 80.0):
+        counts = ((truth > 0) & (truth <= limit_m)).float()
+        target = torch.where(counts > 0, truth, 1.0)
+        own, other = (
+            ((depth.clamp(max=limit_m) - target).abs() * counts).sum(dim=(2, 3)) for depth in (dense_m, geometry_m)
+        )
+        # A little better is asked for, so that frames it has not seen are not worse.
+        worse = worse + functional.relu(own / other.clamp(min=1e-3) - 0.97).clamp(max=3.0) * (other > 0)
+    return masked_mean(worse, torch.ones_like(worse), ranks)
+
+
 def total_loss(
     outputs: TrainOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
 ) -> tuple[Tensor, dict[str, Tensor]]:
@@ -255,7 +299,9 @@ def total_loss(
     accumulated_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
     single_m = None if batch.depth_single_m is None else without_narrow_sky(batch.depth_single_m, config.sky_margin_px)
     total = accumulated_m.new_zeros(())
-    parts = dict.fromkeys(("association", "choice", "dense", "log_depth", "road", "confidence"), total)
+    parts = dict.fromkeys(
+        ("association", "choice", "dense", "log_depth", "road", "confidence", "sky", "geometry"), total
+    )
     if outputs.association is not None:
         parts["association"] = association_loss(outputs.association, accumulated_m, config, ranks)
         total = total + config.association * parts["association"]
@@ -278,4 +324,11 @@ def total_loss(
         total = total + config.choice * parts["choice"] + config.road * parts["road"] + config.single * single
         total = total + config.accumulated * parts["dense"] + config.confidence * parts["confidence"]
         total = total + config.log_depth * parts["log_depth"]
+        if outputs.sky_logit is not None:
+            parts["sky"] = sky_loss(outputs.sky_logit, accumulated_m, ranks)
+        if outputs.own_m is not None and outputs.geometry_m is not None:
+            truth_m = _at(accumulated_m, outputs.own_m.shape[2])
+            total = total + config.log_depth * log_depth_loss(outputs.own_m, truth_m, max_depth_m, ranks)
+            parts["geometry"] = geometry_loss(dense_m, outputs.geometry_m, accumulated_m, ranks)
+        total = total + config.sky_probability * parts["sky"] + config.geometry * parts["geometry"]
     return total, {name: value.detach() for name, value in parts.items()}

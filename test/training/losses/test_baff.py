@@ -15,8 +15,10 @@ from radcam_depth_ros.training.losses.baff import (
     choice_loss,
     confidence_loss,
     dense_loss,
+    geometry_loss,
     log_depth_loss,
     road_loss,
+    sky_loss,
     total_loss,
     without_narrow_sky,
 )
@@ -250,3 +252,22 @@ def test_the_road_is_judged_on_the_ground() -> None:
 def test_wrong_weights_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="must"):
         replace(LOSS, **wrong)
+
+
+def test_a_lost_surface_costs_three_times_a_wall_in_the_sky() -> None:
+    truth = torch.tensor([[[[INF, 10.0], [NAN, INF]]]]).repeat_interleave(2, 2).repeat_interleave(2, 3)
+    logit = torch.tensor([[[[2.0, 2.0], [9.0, -1.0]]]])
+    expected = (entropy(2.0, True) + 3 * entropy(2.0, False) + entropy(-1.0, True)) / 5
+    assert float(sky_loss(logit, truth)) == pytest.approx(expected, rel=1e-6)
+
+
+def test_only_a_frame_that_is_worse_than_geometry_costs() -> None:
+    truth = torch.full((2, 1, 4, 4), 10.0)
+    geometry = torch.full((2, 1, 2, 2), 12.0)
+    dense = torch.stack([torch.full((1, 4, 4), 11.0), torch.full((1, 4, 4), 14.0)]).requires_grad_()
+    loss = geometry_loss(dense, geometry, truth)
+    assert float(loss.detach()) == pytest.approx(2 * (4 / 2 - 0.97) / 2)
+    loss.backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
+    assert dense.grad is not None
+    assert (dense.grad[0] == 0).all()
+    assert (dense.grad[1] >= 0).all()
