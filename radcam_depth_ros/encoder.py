@@ -48,13 +48,6 @@ class OutputConfig:
         choices=DEPTH_ENCODINGS,
         live=True,
     )
-    sky: str = setting(
-        "infinity",
-        "Dense depth of pixels that show the sky, where the network tells them: infinity is +Inf (REP 117: beyond the "
-        "range), none is NaN. Both are 0 in 16UC1, and give no point.",
-        choices=SKIES,
-        live=True,
-    )
     preview_colormap: str = setting(
         "turbo",
         "Colours of depth/preview. In turbo and jet near is red, in the others light; black means no value.",
@@ -72,6 +65,13 @@ class OutputConfig:
     )
     points_near_m: float = setting(0.0, "Minimum depth of published points, in metres.", 0.0, 1000.0, live=True)
     points_far_m: float = setting(1000.0, "Maximum depth of published points, in metres.", 0.0, 1000.0, live=True)
+    sky: str = setting(
+        "infinity",
+        "Dense depth of pixels that show the sky, where the network tells them: infinity is +Inf (REP 117: beyond the "
+        "range), none is NaN. Both are 0 in 16UC1, and give no point.",
+        choices=SKIES,
+        live=True,
+    )
 
     def __post_init__(self) -> None:
         check_choices(self, EncoderError)
