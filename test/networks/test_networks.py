@@ -302,7 +302,9 @@ print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1
 @pytest.mark.parametrize("part", ["association", "fusion"])
 def test_parts_that_do_not_learn_have_no_loss(baff_form: tuple[str, dict[str, object]], part: str) -> None:
     network = make_network(*baff_form).train()
-    network.get_submodule(part).requires_grad_(False)
+    # What stage 2 decides is mixed with geometry.
+    for name in (part, "mix") if part == "fusion" else (part,):
+        network.get_submodule(name).requires_grad_(False)
     outputs = network.train_outputs(*make_inputs(1, 64, 96, 3))
     assert (outputs.association is None) == (part == "association")
     assert (outputs.depths is None) == (outputs.confidence_logit is None) == (part == "fusion")
@@ -341,6 +343,7 @@ def test_depths_that_nothing_suggests_can_be_chosen() -> None:
     image, radar, valid, _ = make_inputs(1, 64, 96, 0)
     with torch.no_grad():
         network.get_parameter("fusion.head.1.bias")[-DEPTH_BINS + 4] = 20.0
+        network.get_parameter("mix.head.bias")[:4] = -20.0
         depths = network(image, radar, valid, torch.full((1, 4), float("nan")))
     expected = plane_to_depth(torch.linspace(NEAREST_BIN, FARTHEST_BIN, DEPTH_BINS)[4], 1.0, 100.0)
     torch.testing.assert_close(depths.dense, expected.expand_as(depths.dense), rtol=1e-3, atol=0.0)
@@ -355,6 +358,6 @@ def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
     plane = depth_to_plane(torch.full((1, 1, 2, 8), 20.0), 1.0, 100.0)
     sure = torch.tensor([5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 8).expand(1, 1, 2, 8)
     nothing = torch.empty(0)
-    found = network._agreed(best, depth, Choice(plane, sure, *[nothing] * 5)).flatten()
+    found = network._agreed(best, depth, Choice(plane, sure, *[nothing] * 6)).flatten()
     assert float(found[0]) == 20.0
     assert torch.isnan(found[1:]).all()

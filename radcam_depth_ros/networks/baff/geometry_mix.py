@@ -17,6 +17,10 @@ WIDTH = 32
 PLANES = 10
 """Planes that it sees besides features."""
 
+TYPICAL = (0.44, 0.16, -4.14, -4.02, -3.69, 0.05, 0.06, 0.13, -2.37, 3.76)
+SCALES = (4.67, 11.0, 0.86, 1.35, 1.44, 5.1, 6.8, 6.0, 0.83, 0.62)
+"""Of simulated pictures: means of `ImageStatistics` and of log(1 + returns), and the inverse of their deviations."""
+
 EMPHASIS = 10.0
 """Differences of planes are small beside 1: a tenth of the depth is 0.02."""
 
@@ -42,7 +46,7 @@ class GeometryMix(nn.Module):
         # A convolution and its norm, which become one for inference.
         self.join = Projection(channels + PLANES + WIDTHS[2], WIDTH, 3)
         self.measure = ImageStatistics()
-        self.statistics = _Statistics(ImageStatistics.COUNT + 1, WIDTH)
+        self.statistics = _Statistics(WIDTH)
         bias = torch.zeros(2 * detail * detail)
         bias[: detail * detail] = -1.0
         self.head = PlanarConv(WIDTH, bias)
@@ -86,23 +90,23 @@ class GeometryMix(nn.Module):
 
 
 class _Statistics(InFloat32):
-    """What a picture's statistics add to all of its pixels: two linear layers, in float32."""
+    """What a picture's statistics add to all of its pixels: two linear layers, in float32.
 
-    def __init__(self, statistics: int, width: int) -> None:
+    Statistics are scaled by constants, so that a batch of one picture trains as well as a large one.
+    """
+
+    mean: Tensor
+    scale: Tensor
+
+    def __init__(self, width: int) -> None:
         super().__init__()
-        self.layers = nn.Sequential(
-            Float32Norm(statistics), Float32Linear(statistics, 16), nn.LeakyReLU(LEAK), Float32Linear(16, width)
-        )
+        self.register_buffer("mean", torch.tensor(TYPICAL))
+        self.register_buffer("scale", torch.tensor(SCALES))
+        self.layers = nn.Sequential(Float32Linear(len(TYPICAL), 16), nn.LeakyReLU(LEAK), Float32Linear(16, width))
 
     def compute(self, x: Tensor) -> Tensor:
-        result: Tensor = self.layers(x)
+        result: Tensor = self.layers((x - self.mean) * self.scale)
         return result
-
-
-class Float32Norm(nn.BatchNorm1d):
-    """Batch norm of vectors whose statistics stay in float32."""
-
-    keeps_float32 = True
 
 
 class Float32Linear(nn.Linear):
