@@ -45,16 +45,26 @@ class DepthSummary:
         ranges: Within 50, 70 and 80 m.
         bins: By distance.
         distances: By distance in finer steps.
+        coverage: For each of `ranges`, share of the pixels with ground truth in range whose depth is finite, averaged
+            over the frames with such pixels; NaN without any.
     """
 
     ranges: tuple[DepthMetrics, ...]
     bins: tuple[DepthMetrics, ...]
     distances: DistanceCurve
+    coverage: tuple[float, ...]
 
     def as_json(self) -> dict[str, object]:
         """Each range by its name, the bins, and the curve."""
         curve = {"step_m": STEP_M, "mae": self.distances.as_json()}
-        return {**_by_name(self.ranges), "by_range": _by_name(self.bins), "by_distance": curve}
+        return {**self.ranges_json(), "by_range": _by_name(self.bins), "by_distance": curve}
+
+    def ranges_json(self) -> dict[str, dict[str, float | int | None]]:
+        """The measures and the coverage of each range, by its name."""
+        return {
+            entry.name: {**entry.as_json(), "coverage": json_number(coverage)}
+            for entry, coverage in zip(self.ranges, self.coverage, strict=True)
+        }
 
     def within(self, range_m: float) -> DepthMetrics:
         """The measures within a range.
@@ -122,7 +132,7 @@ class Evaluation:
             "ground_truth": self.ground_truth,
             "lidar_scans": self.scans.as_json() if self.scans.scans else None,
             "given": self.given.as_json(),
-            "dense": _by_name(self.dense.ranges),
+            "dense": self.dense.ranges_json(),
             "semi_dense": self.semi_dense.as_json(),
             "by_range": dense["by_range"],
             "by_distance": dense["by_distance"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from radcam_depth_ros.evaluation.given import Given
@@ -56,11 +57,22 @@ def summary_table(evaluation: Evaluation) -> Table:
 
 def detail_table(evaluation: Evaluation) -> Table:
     """All measures within each range."""
+    ranges = evaluation.dense.ranges
+    coverage = {
+        DENSE: evaluation.dense.coverage,
+        SEMI_DENSE: (*(math.nan for _ in ranges[:-1]), evaluation.semi_dense.coverage),
+        **{BASELINE_TITLES[name]: depth.coverage for name, depth in evaluation.baselines.items()},
+    }
     rows = tuple(
-        (f"{name}, {entry.name} m", *_measures(entry)) for name, entries in _kinds(evaluation) for entry in entries
+        (f"{name}, {entry.name} m", *_measures(entry), number(100 * share, 1))
+        for name, entries in _kinds(evaluation)
+        for entry, share in zip(entries, coverage[name], strict=True)
     )
-    note = "d1 to d3: share of pixels whose ratio to the truth is below 1.25, 1.25² and 1.25³."
-    return Table("All measures", ("", *_TITLES.values(), "frames"), rows, note)
+    note = (
+        "d1 to d3: share of pixels whose ratio to the truth is below 1.25, 1.25² and 1.25³. Coverage: share of the "
+        "pixels with ground truth in range that have a finite depth; depth of +inf counts as the end of the range."
+    )
+    return Table("All measures", ("", *_TITLES.values(), "frames", "coverage %"), rows, note)
 
 
 def distance_table(evaluation: Evaluation) -> Table:
@@ -130,6 +142,7 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     if scenario:
         facts.append(Fact("scenario", ", ".join(scenario)))
     within = f"pixels within {evaluation.dense.ranges[-1].name} m"
+    facts.append(Fact("dense coverage", f"{number(100 * evaluation.dense.coverage[-1], 1)} % of the {within}"))
     facts.append(Fact("semi-dense coverage", f"{number(100 * evaluation.semi_dense.coverage, 1)} % of the {within}"))
     if evaluation.sparsification.frames:
         curve = evaluation.sparsification.mae

@@ -275,3 +275,56 @@ def test_an_evaluation_is_a_value():
     evaluation = evaluate_drive([make_sample()], result_of)
     with pytest.raises(dataclasses.FrozenInstanceError):
         evaluation.frames = 2
+
+
+def test_infinite_depth_counts_as_the_farthest():
+    def partly_infinite(frame):
+        result = result_of(frame, 21.0)
+        result.dense[:12] = np.inf
+        return result
+
+    evaluation = evaluate_drive([make_sample(20.0)], partly_infinite)
+    for range_m in (50, 70, 80):
+        assert evaluation.dense.within(range_m).mae == pytest.approx(0.75 * 1.0 + 0.25 * (range_m - 20.0))
+    # By distance, depth is clipped to 100 m.
+    assert evaluation.dense.bins[1].mae == pytest.approx(0.75 * 1.0 + 0.25 * 80.0)
+    assert evaluation.dense.coverage == pytest.approx((0.75, 0.75, 0.75))
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))
+    assert [plain["dense"][name]["coverage"] for name in ("50", "70", "80")] == [0.75] * 3
+    assert plain["baselines"]["ground_nearest"]["80"]["coverage"] == 1.0
+    assert {fact.name: fact.value for fact in facts_of(evaluation)}["dense coverage"].startswith("75.0 %")
+    table = next(table for table in tables_of(evaluation) if table.title == "All measures")
+    shares = {row[0]: row[table.columns.index("coverage %")] for row in table.rows}
+    assert (shares["dense, 80 m"], shares["semi-dense, 80 m"], shares["semi-dense, 50 m"]) == ("75.0", "25.0", "-")
+
+
+def test_coverage_is_of_the_pixels_in_each_range():
+    sample = make_sample(20.0)
+    sample.depth_m[:24], sample.depth_m[24:36] = 60.0, math.nan
+
+    def infinite_above(frame):
+        result = result_of(frame, 21.0)
+        result.dense[:12] = np.inf
+        return result
+
+    nothing = make_sample(math.nan)
+    evaluation = evaluate_drive([sample, nothing], infinite_above)
+    assert evaluation.dense.coverage == pytest.approx((1.0, 2 / 3, 2 / 3))
+    assert evaluate_drive([nothing], infinite_above).as_json()["dense"]["80"]["coverage"] is None
+
+
+def test_nan_in_the_dense_depth_is_refused():
+    def with_holes(frame):
+        result = result_of(frame)
+        result.dense[0, :3] = np.nan
+        return result
+
+    drive = Drive([make_sample(20.0, stamp_ns=1_500_000_000)], "evening")
+    with pytest.raises(EvaluationError, match=r"evening, got NaN in 3 pixels at stamp 1\.5"):
+        evaluate_drives([drive], with_holes)
+
+    def holes_without_radar(frame):
+        return result_of(frame) if len(frame.radar) else with_holes(frame)
+
+    with pytest.raises(EvaluationError, match="NaN in 3 pixels"):
+        evaluate_drives([drive], holes_without_radar, EvaluationSettings(baselines=("camera_only",)))
