@@ -17,7 +17,7 @@ from radcam_depth_ros.evaluation.baselines import BASELINES, ground_nearest, rad
 from radcam_depth_ros.evaluation.classes import ClassMeans
 from radcam_depth_ros.evaluation.distances import DistanceAccumulator
 from radcam_depth_ros.evaluation.given import GivenAccumulator
-from radcam_depth_ros.evaluation.groups import BAG, RETURNS, SCENARIO, GroupMeans, return_bin
+from radcam_depth_ros.evaluation.groups import BAG, GEOMETRY, RETURNS, SCENARIO, ComparisonMeans, GroupMeans, return_bin
 from radcam_depth_ros.evaluation.metrics import (
     BINS,
     RANGES,
@@ -231,7 +231,7 @@ class _Sums:
         self._settings, self._predict = settings, predict
         self._dense, self._semi_dense = _DepthSums(ranges), SemiDenseAccumulator(ranges)
         self._baselines = {name: _DepthSums(ranges) for name in settings.baselines}
-        self._classes, self._groups = ClassMeans(ranges[-1]), GroupMeans()
+        self._classes, self._groups, self._geometry = ClassMeans(ranges[-1]), GroupMeans(), ComparisonMeans()
         self._sparsification = SparsificationAccumulator(ranges[-1])
         self._given = GivenAccumulator(settings.camera_height_m)
         self._frames = self._missing = 0
@@ -262,8 +262,9 @@ class _Sums:
         properties = {RETURNS: return_bin(in_view)}
         properties |= {name: drive.scenario[name] for name in SCENARIO if name in drive.scenario}
         properties |= {BAG: drive.name} if drive.name else {}
-        widest = {name: rows[-1] for name, rows in measures.baselines.items()}
-        self._groups.add(properties, measures.dense[-1], widest)
+        self._groups.add(properties, measures.dense, measures.baselines)
+        if GEOMETRY in measures.baselines:
+            self._geometry.add(measures.dense, measures.baselines[GEOMETRY])
         return Observation(drive, index, sample, result, depths, measures)
 
     def _look_at(self, sample: Sample) -> int:
@@ -306,6 +307,7 @@ class _Sums:
             by_class=by_class,
             by_class_group=by_class_group,
             groupings=self._groups.result(),
+            geometry=self._geometry.result() if GEOMETRY in self._baselines else {},
             sparsification=self._sparsification.result(),
             clip_m=self._settings.clip_m,
             latency=latency,

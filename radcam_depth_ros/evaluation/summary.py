@@ -11,7 +11,7 @@ import numpy as np
 from radcam_depth_ros.drive import ScanSummary
 from radcam_depth_ros.evaluation.distances import STEP_M, DistanceCurve
 from radcam_depth_ros.evaluation.given import Given
-from radcam_depth_ros.evaluation.groups import Grouping
+from radcam_depth_ros.evaluation.groups import Comparison, Grouping, worse_than_geometry
 from radcam_depth_ros.evaluation.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
 from radcam_depth_ros.evaluation.sparsification import Sparsification
 
@@ -95,6 +95,7 @@ class Evaluation:
         by_class: The dense depth within the widest range by class, where the drives have classes.
         by_class_group: The same by group of classes.
         groupings: The dense depth and the baselines by group of frames.
+        geometry: The dense depth beside geometry alone, by range; empty where that was not measured.
         sparsification: Sparsification by the confidence.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
@@ -112,6 +113,7 @@ class Evaluation:
     by_class: tuple[DepthMetrics, ...]
     by_class_group: tuple[DepthMetrics, ...]
     groupings: tuple[Grouping, ...]
+    geometry: Mapping[str, Comparison]
     sparsification: Sparsification
     clip_m: float | None
     latency: Latency
@@ -125,6 +127,7 @@ class Evaluation:
     def as_json(self) -> dict[str, object]:
         """Plain values for a JSON file: lengths in metres, shares from 0 to 1, null where there is no number."""
         dense = self.dense.as_json()
+        worse = {"worse_than_geometry": worse_than_geometry(self.geometry, self.groupings)} if self.geometry else {}
         return {
             "network": self.network,
             "frames": self.frames,
@@ -139,6 +142,7 @@ class Evaluation:
             "by_class": _by_name(self.by_class),
             "by_class_group": _by_name(self.by_class_group),
             **{f"by_{grouping.name}": grouping.as_json() for grouping in self.groupings},
+            **worse,
             "sparsification": self.sparsification.as_json(),
             "baselines": {name: self._baseline_json(name) for name in self.baselines},
             "clip_m": self.clip_m,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from radcam_depth_ros.evaluation.given import Given
-from radcam_depth_ros.evaluation.groups import RETURNS, SCENARIO, Grouping
+from radcam_depth_ros.evaluation.groups import BAG, MARGIN, RETURNS, SCENARIO, Group, Grouping
 from radcam_depth_ros.evaluation.metrics import DepthMetrics
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.reporting.table import Fact, Table, number
@@ -101,19 +101,37 @@ def class_tables(evaluation: Evaluation) -> Iterator[Table]:
 
 
 def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
-    """The dense depth by group of frames, beside the baselines."""
+    """The dense depth by group of frames, beside the baselines; marks groups that are worse than geometry alone."""
     property_ = "number of radar returns in view" if grouping.name == RETURNS else grouping.name.replace("_", " ")
     title = f"By {property_}, within {evaluation.dense.ranges[-1].name} m"
     baselines = tuple(f"MAE m, {BASELINE_TITLES[name]}" for name in evaluation.baselines)
+    compared = ("worse than geometry alone", *(f"% of frames, {name} m" for name in evaluation.geometry))
     rows = tuple(
         (
             group.name,
             *_measures(group.dense),
             *(number(group.baselines[name].mae) for name in evaluation.baselines),
+            *(_compared(evaluation, group) if evaluation.geometry else ()),
         )
         for group in grouping.groups
     )
-    return Table(title, ("", *_TITLES.values(), "frames", *baselines), rows)
+    columns = ("", *_TITLES.values(), "frames", *baselines)
+    if not evaluation.geometry:
+        return Table(title, columns, rows)
+    note = (
+        "Worse than geometry alone: the ranges in which the MAE is larger, and the share of the frames whose MAE is "
+        f"more than {100 * MARGIN:g} % larger."
+    )
+    return Table(title, (*columns, *compared), rows, note)
+
+
+def _compared(evaluation: Evaluation, group: Group) -> tuple[str, ...]:
+    shares = (group.comparisons[name].frames_share for name in evaluation.geometry)
+    return (_within(group.worse_within) or "-", *(number(100 * share, 0) for share in shares))
+
+
+def _within(ranges: Sequence[str]) -> str:
+    return f"{' and '.join(ranges)} m" if ranges else ""
 
 
 def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
@@ -153,6 +171,8 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
         sources = " or ".join(_HEIGHT_SOURCES[name] for name in evaluation.given.camera_height_source.split("+"))
         height = f"{number(evaluation.given.camera_height_m)} m ({sources})"
         facts.append(Fact("camera above the road, for geometry alone", height))
+    if evaluation.geometry:
+        facts.append(Fact("worse than geometry alone", _worse(evaluation)))
     if evaluation.clip_m is not None:
         facts.append(Fact("predictions clipped to", f"{evaluation.clip_m:g} m in every range"))
     latency = evaluation.latency
@@ -160,6 +180,25 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
         Fact("time for an estimate", f"p50 {number(latency.p50_ms, 0)} ms, p99 {number(latency.p99_ms, 0)} ms")
     )
     return tuple(facts)
+
+
+def _worse(evaluation: Evaluation) -> str:
+    """The share of the frames that are worse than geometry alone, and the drives that are."""
+    shares = " and ".join(
+        f"{number(100 * entry.frames_share, 1)} % of the frames within {name} m"
+        for name, entry in evaluation.geometry.items()
+    )
+    drives = [group for entry in evaluation.groupings if entry.name == BAG for group in entry.groups]
+    widest = tuple(evaluation.geometry)[-1]
+    worse = [
+        f"{drive.name} (within {_within(drive.worse_within)}; "
+        f"{number(100 * drive.comparisons[widest].frames_share, 0)} % of the frames within {widest} m)"
+        for drive in drives
+        if drive.worse_within
+    ]
+    by_drive = f"; MAE larger in {len(worse)} of {len(drives)} drives" if drives else ""
+    named = f": {', '.join(worse)}" if worse else ""
+    return f"MAE more than {100 * MARGIN:g} % larger in {shares}{by_drive}{named}"
 
 
 def _given(given: Given) -> str:

@@ -328,3 +328,29 @@ def test_nan_in_the_dense_depth_is_refused():
 
     with pytest.raises(EvaluationError, match="NaN in 3 pixels"):
         evaluate_drives([drive], holes_without_radar, EvaluationSettings(baselines=("camera_only",)))
+
+
+def test_frames_worse_than_geometry_alone_are_told():
+    # Geometry alone gives the return at 15 m or a nearer road: with truth at 15 m its error is that of the road.
+    drives = [Drive([make_sample(15.0)] * 2, "good"), Drive([make_sample(15.0)], "bad")]
+    depths_m = iter((15.1, 15.1, 70.0))
+    evaluation = evaluate_drives(drives, lambda frame: result_of(frame, next(depths_m)))
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))["worse_than_geometry"]
+    for range_m in ("50", "80"):
+        assert plain[range_m]["frames_share"] == pytest.approx(1 / 3)
+        assert plain[range_m]["drives"] == ["bad"]
+        assert plain[range_m]["frames_share_by_drive"] == {"good": 0.0, "bad": 1.0}
+    told = {fact.name: fact.value for fact in facts_of(evaluation)}["worse than geometry alone"]
+    assert "33.3 % of the frames within 80 m" in told
+    assert "1 of 2 drives: bad (within 50 and 80 m; 100 %" in told
+    (table,) = (table for table in tables_of(evaluation) if table.title.startswith("By bag"))
+    place = table.columns.index("worse than geometry alone")
+    assert [row[place:] for row in table.rows] == [("-", "0", "0"), ("50 and 80 m", "100", "100")]
+
+
+def test_geometry_alone_is_compared_only_where_it_was_measured():
+    drives = [Drive([make_sample()], "a"), Drive([make_sample()], "b")]
+    evaluation = evaluate_drives(drives, result_of, EvaluationSettings(baselines=("radar_interpolation",)))
+    assert "worse_than_geometry" not in evaluation.as_json()
+    assert "worse than geometry alone" not in {fact.name for fact in facts_of(evaluation)}
+    assert all("worse than geometry alone" not in table.columns for table in tables_of(evaluation))
