@@ -27,6 +27,7 @@ from radcam_depth_ros.evaluation.metrics import (
     SemiDenseAccumulator,
     finite_shares,
 )
+from radcam_depth_ros.evaluation.reliability import ReliabilityAccumulator
 from radcam_depth_ros.evaluation.sparsification import SparsificationAccumulator
 from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation, Latency
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
@@ -232,7 +233,10 @@ class _Sums:
         self._dense, self._semi_dense = _DepthSums(ranges), SemiDenseAccumulator(ranges)
         self._baselines = {name: _DepthSums(ranges) for name in settings.baselines}
         self._classes, self._groups, self._geometry = ClassMeans(ranges[-1]), GroupMeans(), ComparisonMeans()
-        self._sparsification = SparsificationAccumulator(ranges[-1])
+        self._sparsification, self._reliability = (
+            SparsificationAccumulator(ranges[-1]),
+            ReliabilityAccumulator(ranges[-1]),
+        )
         self._given = GivenAccumulator(settings.camera_height_m)
         self._frames = self._missing = 0
         self._sources: set[str] = set()
@@ -257,6 +261,8 @@ class _Sums:
             latency_s,
         )
         self._sparsification.add(result.dense, result.confidence, truth_m)
+        time_of_day = drive.scenario.get("time_of_day", "")
+        self._reliability.add(result.dense, result.confidence, truth_m, sample.classes, time_of_day)
         if sample.classes is not None:
             self._classes.add(result.dense, truth_m, sample.classes)
         properties = {RETURNS: return_bin(in_view)}
@@ -309,6 +315,7 @@ class _Sums:
             groupings=self._groups.result(),
             geometry=self._geometry.result() if GEOMETRY in self._baselines else {},
             sparsification=self._sparsification.result(),
+            reliability=self._reliability.result(),
             clip_m=self._settings.clip_m,
             latency=latency,
             scans=ScanSummary.of(self._scans),

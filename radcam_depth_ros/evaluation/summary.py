@@ -13,6 +13,7 @@ from radcam_depth_ros.evaluation.distances import STEP_M, DistanceCurve
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import Comparison, Grouping, worse_than_geometry
 from radcam_depth_ros.evaluation.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
+from radcam_depth_ros.evaluation.reliability import Reliability
 from radcam_depth_ros.evaluation.sparsification import Sparsification
 
 
@@ -97,6 +98,7 @@ class Evaluation:
         groupings: The dense depth and the baselines by group of frames.
         geometry: The dense depth beside geometry alone, by range; empty where that was not measured.
         sparsification: Sparsification by the confidence.
+        reliability: Calibration of the confidence.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
         scans: How the LiDAR scans near the frames became ground truth.
@@ -115,6 +117,7 @@ class Evaluation:
     groupings: tuple[Grouping, ...]
     geometry: Mapping[str, Comparison]
     sparsification: Sparsification
+    reliability: Reliability
     clip_m: float | None
     latency: Latency
     scans: ScanSummary = field(default_factory=ScanSummary)
@@ -144,6 +147,7 @@ class Evaluation:
             **{f"by_{grouping.name}": grouping.as_json() for grouping in self.groupings},
             **worse,
             "sparsification": self.sparsification.as_json(),
+            "confidence": self.reliability.as_json(),
             "baselines": {name: self._baseline_json(name) for name in self.baselines},
             "clip_m": self.clip_m,
             "latency_ms": self.latency.as_json(),

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import BAG, MARGIN, RETURNS, SCENARIO, Group, Grouping
 from radcam_depth_ros.evaluation.metrics import DepthMetrics
+from radcam_depth_ros.evaluation.reliability import LEAST_SHARE, TOLERANCE
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.reporting.table import Fact, Table, number
 
@@ -88,6 +89,46 @@ def distance_table(evaluation: Evaluation) -> Table:
     return Table("MAE by distance of the ground truth, metres", ("", *(f"{name} m" for name in names)), rows)
 
 
+def reliability_tables(evaluation: Evaluation) -> Iterator[Table]:
+    """Calibration of the confidence by its bins, and by parts of the pixels; none where no pixel has a confidence."""
+    reliability = evaluation.reliability
+    if not reliability.overall.pixels:
+        return
+    bins = tuple(
+        (
+            f"{entry.lower:.1f}-{entry.upper:.1f}",
+            *(number(value, 3) for value in (entry.predicted, entry.observed)),
+            number(100 * entry.share, 1),
+        )
+        for entry in reliability.overall.bins
+    )
+    note = (
+        "Predicted: mean confidence of the pixels. Observed: share of them whose dense depth is within "
+        f"{100 * TOLERANCE:g} % of the truth."
+    )
+    within = f"within {reliability.within_m:g} m"
+    yield Table(f"Reliability of the confidence, {within}", ("", "predicted", "observed", "pixels %"), bins, note)
+    parts = {
+        "all": reliability.overall,
+        **reliability.by_time_of_day,
+        **{f"{name} m": part for name, part in reliability.by_distance.items()},
+        **reliability.by_surface,
+    }
+    rows = tuple(
+        (
+            name,
+            *(number(value, 3) for value in (part.ece, part.largest_fall)),
+            number(100 * part.pixels / reliability.overall.pixels, 1),
+        )
+        for name, part in parts.items()
+    )
+    note = (
+        "ECE: mean distance of predicted and observed over ten bins, weighted by their pixels. Largest fall: of the "
+        f"observed share from one bin to the next; without bins of less than {100 * LEAST_SHARE:g} % of the pixels."
+    )
+    yield Table(f"Calibration of the confidence, {within}", ("", "ECE", "largest fall", "pixels %"), rows, note)
+
+
 def class_tables(evaluation: Evaluation) -> Iterator[Table]:
     """The dense depth by class; none where the drives have no classes."""
     within = f"within {evaluation.dense.ranges[-1].name} m"
@@ -140,6 +181,7 @@ def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
         summary_table(evaluation),
         distance_table(evaluation),
         detail_table(evaluation),
+        *reliability_tables(evaluation),
         *class_tables(evaluation),
         *(group_table(evaluation, grouping) for grouping in evaluation.groupings if len(grouping.groups) > 1),
     )
@@ -167,6 +209,10 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
         rises = "never raises it" if curve.falls else f"raises it by {number(curve.rise_m, 3)} m at most"
         value = f"AUSE {number(curve.ause_m)} m of MAE; leaving out another 5 % of the least confident pixels {rises}"
         facts.append(Fact("confidence", value))
+    calibration = evaluation.reliability.overall
+    if calibration.pixels:
+        fall = f"the observed share falls by {number(calibration.largest_fall, 3)} at most from one bin to the next"
+        facts.append(Fact("calibration of the confidence", f"ECE {number(calibration.ece, 3)}; {fall}"))
     if "ground_nearest" in evaluation.baselines:
         sources = " or ".join(_HEIGHT_SOURCES[name] for name in evaluation.given.camera_height_source.split("+"))
         height = f"{number(evaluation.given.camera_height_m)} m ({sources})"

@@ -14,6 +14,7 @@ from radcam_depth_ros.evaluation.plots import plots_of
 from radcam_depth_ros.evaluation.summary import Latency
 from radcam_depth_ros.evaluation.tables import facts_of, tables_of
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, DepthResult, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.reporting.plot import draw_plot
 
 CAMERA = CameraModel(64, 48, 50.0, 50.0, 31.5, 23.5)
 
@@ -222,6 +223,7 @@ def test_the_confidence_is_measured():
     assert any(fact.name == "confidence" and "AUSE 0.00 m" in fact.value for fact in facts_of(evaluation))
     assert [plot.title for plot in plots_of(evaluation)] == [
         *("Error over distance", "Sparsification, MAE", "Sparsification, RMSE"),
+        "Reliability of the confidence",
     ]
 
 
@@ -354,3 +356,39 @@ def test_geometry_alone_is_compared_only_where_it_was_measured():
     assert "worse_than_geometry" not in evaluation.as_json()
     assert "worse than geometry alone" not in {fact.name for fact in facts_of(evaluation)}
     assert all("worse than geometry alone" not in table.columns for table in tables_of(evaluation))
+
+
+def test_the_calibration_of_the_confidence_is_in_the_report():
+    classes = np.zeros((48, 64), np.uint8)
+    classes[:24] = 13
+    drives = [Drive([make_sample(20.0, classes=classes)], "a", {"time_of_day": "night"})]
+    evaluation = evaluate_drives(drives, lambda frame: result_of(frame, 30.0))
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))
+    # A confidence of 1, and depth that is wrong everywhere.
+    assert plain["confidence"]["ece"] == 1.0
+    assert plain["confidence"]["by_time_of_day"]["night"]["ece"] == 1.0
+    assert plain["confidence"]["by_surface"]["road"]["pixels"] == 24 * 64
+    assert {fact.name: fact.value for fact in facts_of(evaluation)}["calibration of the confidence"] == (
+        "ECE 1.000; the observed share falls by 0.000 at most from one bin to the next"
+    )
+    tables = {table.title: table for table in tables_of(evaluation)}
+    assert tables["Reliability of the confidence, within 80 m"].rows[-1] == ("0.9-1.0", "1.000", "0.000", "100.0")
+    parts = tables["Calibration of the confidence, within 80 m"].rows
+    assert [row[0] for row in parts] == ["all", "night", "0-20 m", "20-50 m", "50-80 m", "road", "not road"]
+    assert parts[3][1:] == ("-", "-", "0.0")
+    plot = plots_of(evaluation)[-1]
+    assert (plot.curves[0].x, plot.curves[0].y) == ([1.0], [0.0])
+    assert draw_plot(plot).startswith(b"<?xml")
+
+
+def test_depth_without_confidence_has_no_calibration():
+    def unsure(frame):
+        result = result_of(frame)
+        result.confidence[:] = np.nan
+        return result
+
+    evaluation = evaluate_drive([make_sample()], unsure)
+    assert evaluation.as_json()["confidence"]["ece"] is None
+    assert not [table for table in tables_of(evaluation) if "confidence" in table.title]
+    assert "calibration of the confidence" not in {fact.name for fact in facts_of(evaluation)}
+    assert "Reliability of the confidence" not in {plot.title for plot in plots_of(evaluation)}
