@@ -211,11 +211,12 @@ def main() -> None:
     parser.add_argument("--network", default="baff", help="network whose weights come with the package")
     parser.add_argument("--model", default="", help="weight file in place of the network's own")
     parser.add_argument("--device", default="cpu", help="device that runs the network")
+    parser.add_argument("--precision", default="auto", help="number format of the network")
     parser.add_argument("--limit", type=int, help="frames of each bag at most")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     bags, settings = find_bags(options.bags), DriveSettings()
-    estimator = load_estimator(EstimatorConfig(options.network, options.model, options.device, "float32"))
+    estimator = load_estimator(EstimatorConfig(options.network, options.model, options.device, options.precision))
     images = [images_of(bag, settings) for bag in bags]
     total = len(ROWS) * sum(min(count, options.limit or count) for count in images)
     with progress_bar() as progress:
@@ -224,7 +225,12 @@ def main() -> None:
     # Of the table and the JSON only one can be on stdout.
     Console(stderr=options.json == "-").print(table_of(rows))
     if options.json:
-        values = {"bags": [str(bag) for bag in bags], "weights": estimator.describe(), "pictures": rows}
+        values = {
+            "bags": [str(bag) for bag in bags],
+            "weights": estimator.describe(),
+            "precision": estimator.precision,
+            "pictures": rows,
+        }
         write_json(values, options.json)
 
 

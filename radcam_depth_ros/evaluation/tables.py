@@ -211,7 +211,8 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
         facts.append(Fact("confidence", value))
     calibration = evaluation.reliability.overall
     if calibration.pixels:
-        fall = f"the observed share falls by {number(calibration.largest_fall, 3)} at most from one bin to the next"
+        falls = f"falls by {number(calibration.largest_fall, 3)} at most" if calibration.largest_fall else "never falls"
+        fall = f"the observed share {falls} from one bin to the next"
         facts.append(Fact("calibration of the confidence", f"ECE {number(calibration.ece, 3)}; {fall}"))
     if "ground_nearest" in evaluation.baselines:
         sources = " or ".join(_HEIGHT_SOURCES[name] for name in evaluation.given.camera_height_source.split("+"))

@@ -369,7 +369,7 @@ def test_the_calibration_of_the_confidence_is_in_the_report():
     assert plain["confidence"]["by_time_of_day"]["night"]["ece"] == 1.0
     assert plain["confidence"]["by_surface"]["road"]["pixels"] == 24 * 64
     assert {fact.name: fact.value for fact in facts_of(evaluation)}["calibration of the confidence"] == (
-        "ECE 1.000; the observed share falls by 0.000 at most from one bin to the next"
+        "ECE 1.000; the observed share never falls from one bin to the next"
     )
     tables = {table.title: table for table in tables_of(evaluation)}
     assert tables["Reliability of the confidence, within 80 m"].rows[-1] == ("0.9-1.0", "1.000", "0.000", "100.0")
