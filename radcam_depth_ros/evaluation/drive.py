@@ -17,7 +17,7 @@ from radcam_depth_ros.evaluation.baselines import BASELINES, ground_nearest, rad
 from radcam_depth_ros.evaluation.classes import ClassMeans
 from radcam_depth_ros.evaluation.distances import DistanceAccumulator
 from radcam_depth_ros.evaluation.given import GivenAccumulator
-from radcam_depth_ros.evaluation.groups import BAG, RETURNS, SCENARIO, GroupMeans, return_bin
+from radcam_depth_ros.evaluation.groups import BAG, GEOMETRY, RETURNS, SCENARIO, ComparisonMeans, GroupMeans, return_bin
 from radcam_depth_ros.evaluation.metrics import (
     BINS,
     RANGES,
@@ -25,7 +25,9 @@ from radcam_depth_ros.evaluation.metrics import (
     DepthRange,
     EvaluationError,
     SemiDenseAccumulator,
+    finite_shares,
 )
+from radcam_depth_ros.evaluation.reliability import ReliabilityAccumulator
 from radcam_depth_ros.evaluation.sparsification import SparsificationAccumulator
 from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation, Latency
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
@@ -148,7 +150,8 @@ def evaluate_drives(
         observe: Called with every frame that has depth.
 
     Raises:
-        EvaluationError: when there are no samples, or a depth image cannot be the same view as its frame.
+        EvaluationError: when there are no samples, a dense depth has NaN, or a depth image cannot be the same view as
+            its frame.
     """
     sums, seconds = _Sums(settings or EvaluationSettings(), predict), []
     for drive in drives:
@@ -189,20 +192,36 @@ def resize_result(result: DepthResult, frame: Frame) -> DepthResult:
     return dataclasses.replace(result, camera=camera, **images)
 
 
+def _require_no_nan(result: DepthResult, drive: Drive) -> None:
+    """Refuses a dense depth that says nothing of some pixels: no measure could count them. +inf is "far away"."""
+    missing = int(np.isnan(result.dense).sum())
+    if missing:
+        raise EvaluationError(
+            f"expected a dense depth without NaN in {drive.name or 'the drive'}, got NaN in {missing} pixels at stamp "
+            f"{result.stamp_ns / 1e9:.9f} s; evaluate the depth as the network gives it, before pixels are taken away"
+        )
+
+
 class _DepthSums:
     """Dense depth by range and by distance."""
 
     def __init__(self, ranges: tuple[DepthRange, ...]) -> None:
         self._ranges, self._bins = DepthAccumulator(ranges), DepthAccumulator(BINS)
         self._distances = DistanceAccumulator()
+        self._coverage, self._frames = np.zeros(len(ranges)), np.zeros(len(ranges), np.int64)
 
     def add(self, depth_m: FloatArray, truth_m: FloatArray) -> npt.NDArray[np.float64]:
+        coverage = finite_shares(depth_m, truth_m)
+        self._coverage += np.nan_to_num(coverage)
+        self._frames += np.isfinite(coverage)
         self._bins.add(depth_m, truth_m)
         self._distances.add(depth_m, truth_m)
         return self._ranges.add(depth_m, truth_m)
 
     def result(self) -> DepthSummary:
-        return DepthSummary(self._ranges.result(), self._bins.result(), self._distances.result())
+        pairs = zip(self._coverage.tolist(), self._frames.tolist(), strict=True)
+        coverage = tuple(total / frames if frames else math.nan for total, frames in pairs)
+        return DepthSummary(self._ranges.result(), self._bins.result(), self._distances.result(), coverage)
 
 
 class _Sums:
@@ -213,8 +232,11 @@ class _Sums:
         self._settings, self._predict = settings, predict
         self._dense, self._semi_dense = _DepthSums(ranges), SemiDenseAccumulator(ranges)
         self._baselines = {name: _DepthSums(ranges) for name in settings.baselines}
-        self._classes, self._groups = ClassMeans(ranges[-1]), GroupMeans()
-        self._sparsification = SparsificationAccumulator(ranges[-1])
+        self._classes, self._groups, self._geometry = ClassMeans(ranges[-1]), GroupMeans(), ComparisonMeans()
+        self._sparsification, self._reliability = (
+            SparsificationAccumulator(ranges[-1]),
+            ReliabilityAccumulator(ranges[-1]),
+        )
         self._given = GivenAccumulator(settings.camera_height_m)
         self._frames = self._missing = 0
         self._sources: set[str] = set()
@@ -226,8 +248,9 @@ class _Sums:
 
     def add(self, drive: Drive, index: int, sample: Sample, result: DepthResult, latency_s: float) -> Observation:
         in_view = self._look_at(sample)
+        _require_no_nan(result, drive)
         result, truth_m = resize_result(result, sample.frame), sample.depth_m
-        depths = {name: self._baseline(name, sample.frame) for name in self._baselines}
+        depths = {name: self._baseline(name, drive, sample.frame) for name in self._baselines}
         coverage, semi_dense_mae_m = self._semi_dense.add(result.semi_dense, truth_m)
         measures = FrameMeasures(
             self._dense.add(result.dense, truth_m),
@@ -238,13 +261,16 @@ class _Sums:
             latency_s,
         )
         self._sparsification.add(result.dense, result.confidence, truth_m)
+        time_of_day = drive.scenario.get("time_of_day", "")
+        self._reliability.add(result.dense, result.confidence, truth_m, sample.classes, time_of_day)
         if sample.classes is not None:
             self._classes.add(result.dense, truth_m, sample.classes)
         properties = {RETURNS: return_bin(in_view)}
         properties |= {name: drive.scenario[name] for name in SCENARIO if name in drive.scenario}
         properties |= {BAG: drive.name} if drive.name else {}
-        widest = {name: rows[-1] for name, rows in measures.baselines.items()}
-        self._groups.add(properties, measures.dense[-1], widest)
+        self._groups.add(properties, measures.dense, measures.baselines)
+        if GEOMETRY in measures.baselines:
+            self._geometry.add(measures.dense, measures.baselines[GEOMETRY])
         return Observation(drive, index, sample, result, depths, measures)
 
     def _look_at(self, sample: Sample) -> int:
@@ -254,7 +280,7 @@ class _Sums:
             self._scans.append(sample.scan)
         return self._given.add(sample.frame)
 
-    def _baseline(self, name: str, frame: Frame) -> FloatArray:
+    def _baseline(self, name: str, drive: Drive, frame: Frame) -> FloatArray:
         if name == "ground_nearest":
             return ground_nearest(frame, self._settings.camera_height_m)
         if name == "radar_interpolation":
@@ -265,6 +291,7 @@ class _Sums:
                 "expected depth of a frame without radar for the baseline camera_only, got none; leave it out where "
                 "depth is not estimated but read"
             )
+        _require_no_nan(result, drive)
         return resize_result(result, frame).dense
 
     def result(self, latency: Latency) -> Evaluation:
@@ -286,7 +313,9 @@ class _Sums:
             by_class=by_class,
             by_class_group=by_class_group,
             groupings=self._groups.result(),
+            geometry=self._geometry.result() if GEOMETRY in self._baselines else {},
             sparsification=self._sparsification.result(),
+            reliability=self._reliability.result(),
             clip_m=self._settings.clip_m,
             latency=latency,
             scans=ScanSummary.of(self._scans),

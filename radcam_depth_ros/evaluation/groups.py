@@ -1,15 +1,15 @@
-"""Metrics by group of frames: by weather, time of day, number of returns, or bag."""
+"""Metrics by group of frames (weather, time of day, number of returns, bag), and comparison with geometry alone."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.evaluation.metrics import DepthMetrics, FrameMean
+from radcam_depth_ros.evaluation.metrics import MEASURES, RANGES, DepthMetrics, FrameMean, json_number
 
 RETURNS, BAG = "returns", "bag"
 SCENARIO = ("weather", "time_of_day", "season", "street")
@@ -24,6 +24,61 @@ def return_bin(count: int) -> str:
     return RETURN_BINS[bisect_left(_RETURN_BOUNDS, count)]
 
 
+GEOMETRY = "ground_nearest"
+"""The baseline that the dense depth is compared with."""
+COMPARED = {entry.name: index for index, entry in enumerate(RANGES) if entry.upper_m in (50.0, 80.0)}
+"""Ranges in which the two are compared, and their rows among `RANGES`."""
+MARGIN = 0.05
+"""A frame counts as worse than geometry alone where its MAE is larger by more than this share."""
+_MAE = MEASURES.index("mae")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """MAE of the dense depth and of geometry alone (`ground_nearest`) within one range; NaN without frames.
+
+    Attributes:
+        frames: Frames with ground truth in range.
+        mae_m: Mean absolute error of the dense depth, averaged over these frames, metres.
+        geometry_mae_m: The same of geometry alone.
+        frames_share: Share of these frames whose MAE is more than `MARGIN` above that of geometry alone.
+    """
+
+    frames: int
+    mae_m: float
+    geometry_mae_m: float
+    frames_share: float
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the dense depth's MAE is larger than that of geometry alone."""
+        return self.mae_m > self.geometry_mae_m
+
+
+class ComparisonMeans:
+    """Compares the dense depth with geometry alone over frames."""
+
+    def __init__(self) -> None:
+        self._sum = np.zeros((len(COMPARED), 2))
+        self._frames, self._worse = np.zeros(len(COMPARED), np.int64), np.zeros(len(COMPARED), np.int64)
+
+    def add(self, dense: npt.NDArray[np.float64], geometry: npt.NDArray[np.float64]) -> None:
+        """Adds a frame's measures, each (ranges, 8); a range with NaN has no ground truth and is left out."""
+        rows = list(COMPARED.values())
+        pairs = np.stack([dense[rows, _MAE], geometry[rows, _MAE]], axis=1)
+        known = np.isfinite(pairs).all(axis=1)
+        self._sum[known] += pairs[known]
+        self._frames += known
+        self._worse += known & (pairs[:, 0] > (1.0 + MARGIN) * pairs[:, 1])
+
+    def result(self) -> dict[str, Comparison]:
+        """The comparison so far, by the name of the range."""
+        with np.errstate(invalid="ignore"):
+            rows = np.column_stack([self._sum, self._worse]) / self._frames[:, None]
+        counts = self._frames.tolist()
+        return {name: Comparison(counts[index], *rows[index].tolist()) for index, name in enumerate(COMPARED)}
+
+
 @dataclass(frozen=True)
 class Group:
     """Frames that share a property.
@@ -32,11 +87,18 @@ class Group:
         name: The value of the property: "rain", "11-50".
         dense: The dense depth within the widest range.
         baselines: The same of each baseline, by its name.
+        comparisons: The dense depth beside geometry alone, by range; empty where that was not measured.
     """
 
     name: str
     dense: DepthMetrics
     baselines: Mapping[str, DepthMetrics]
+    comparisons: Mapping[str, Comparison] = field(default_factory=dict)
+
+    @property
+    def worse_within(self) -> tuple[str, ...]:
+        """The ranges in which the dense depth's MAE is larger than that of geometry alone."""
+        return tuple(name for name, entry in self.comparisons.items() if entry.is_worse)
 
     def as_json(self) -> dict[str, object]:
         """The dense depth's measures, and those of each baseline."""
@@ -60,11 +122,27 @@ class Grouping:
         return {group.name: group.as_json() for group in self.groups}
 
 
+def worse_than_geometry(overall: Mapping[str, Comparison], groupings: tuple[Grouping, ...]) -> dict[str, object]:
+    """Plain values for JSON: for each range the share of worse frames, overall and by drive, and the worse drives."""
+    drives = [group for entry in groupings if entry.name == BAG for group in entry.groups if group.comparisons]
+    return {
+        name: {
+            "frames_share": json_number(comparison.frames_share),
+            "drives": [drive.name for drive in drives if name in drive.worse_within],
+            "frames_share_by_drive": {
+                drive.name: json_number(drive.comparisons[name].frames_share) for drive in drives
+            },
+        }
+        for name, comparison in overall.items()
+    }
+
+
 class GroupMeans:
     """Averages over the frames of each group."""
 
     def __init__(self) -> None:
         self._means: dict[str, dict[str, dict[str, FrameMean]]] = {}
+        self._comparisons: dict[tuple[str, str], ComparisonMeans] = {}
 
     def add(
         self,
@@ -76,13 +154,15 @@ class GroupMeans:
 
         Args:
             properties: What the frame is grouped by: the name of each property and its value.
-            dense: The frame's measures, (8,) in the order of `MEASURES`.
+            dense: The frame's measures, (ranges, 8) in the order of `RANGES` and `MEASURES`.
             baselines: The same of each baseline, by its name.
         """
         for name, value in properties.items():
             means = self._means.setdefault(name, {}).setdefault(value, {})
             for kind, measures in (("", dense), *baselines.items()):
-                means.setdefault(kind, FrameMean(value)).add(measures)
+                means.setdefault(kind, FrameMean(value)).add(measures[-1])
+            if GEOMETRY in baselines:
+                self._comparisons.setdefault((name, value), ComparisonMeans()).add(dense, baselines[GEOMETRY])
 
     def result(self) -> tuple[Grouping, ...]:
         """The averages so far."""
@@ -94,5 +174,6 @@ class GroupMeans:
         groups = []
         for value in values:
             entries = {kind: mean.result() for kind, mean in means[value].items()}
-            groups.append(Group(value, entries.pop(""), entries))
+            compared = self._comparisons.get((name, value))
+            groups.append(Group(value, entries.pop(""), entries, compared.result() if compared else {}))
         return groups

@@ -278,6 +278,19 @@ def known_pixels(prediction_m: FloatArray, truth_m: FloatArray, farthest_m: floa
     return prediction_m[known], truth_m[known]
 
 
+def finite_shares(
+    depth_m: FloatArray, truth_m: FloatArray, ranges: Sequence[DepthRange] = RANGES
+) -> npt.NDArray[np.float64]:
+    """Share of the pixels with ground truth in range whose depth is finite, (ranges,) float64; NaN without such pixels.
+
+    Arguments as of `known_pixels`.
+    """
+    depth, truth = known_pixels(depth_m, truth_m, max(entry.upper_m for entry in ranges))
+    finite = np.isfinite(depth)
+    inside = ((truth > entry.lower_m) & (truth <= entry.upper_m) for entry in ranges)
+    return np.array([finite[counts].mean() if counts.any() else math.nan for counts in inside])
+
+
 @dataclass(frozen=True)
 class SemiDenseMetrics:
     """The semi-dense image over a drive.

@@ -1,7 +1,8 @@
-"""The curves of an evaluation: error over distance, and sparsification."""
+"""Plots of an evaluation: error over distance, sparsification, and the reliability diagram."""
 
 from __future__ import annotations
 
+from radcam_depth_ros.evaluation.reliability import TOLERANCE, Reliability
 from radcam_depth_ros.evaluation.sparsification import REMOVED, SparsificationCurve
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.evaluation.tables import BASELINE_TITLES, DENSE
@@ -9,7 +10,7 @@ from radcam_depth_ros.reporting.plot import Curve, Plot
 
 
 def plots_of(evaluation: Evaluation) -> tuple[Plot, ...]:
-    """Error over distance, and over the share of the pixels that the confidence leaves out."""
+    """Error over distance, sparsification by the confidence, and the confidence's reliability diagram."""
     dense = evaluation.dense.distances
     distances = (
         Curve(DENSE, dense.middles_m, dense.mae_m),
@@ -25,7 +26,26 @@ def plots_of(evaluation: Evaluation) -> tuple[Plot, ...]:
             _sparsification_plot("MAE", sparsification.mae, sparsification.within_m),
             _sparsification_plot("RMSE", sparsification.rmse, sparsification.within_m),
         ]
+    if evaluation.reliability.overall.pixels:
+        plots.append(_reliability_plot(evaluation.reliability))
     return tuple(plots)
+
+
+def _reliability_plot(reliability: Reliability) -> Plot:
+    calibration = reliability.overall
+    known = [entry for entry in calibration.bins if entry.pixels]
+    note = (
+        f"Share of the pixels whose dense depth is within {100 * TOLERANCE:g} % of the truth, over their confidence "
+        f"(within {reliability.within_m:g} m). The mean distance from the diagonal, weighted by the pixels (ECE), is "
+        f"{calibration.ece:.3f}."
+    )
+    curves = (
+        Curve("observed", [entry.predicted for entry in known], [entry.observed for entry in known]),
+        Curve("calibrated", (0, 1), (0, 1), is_dashed=True),
+    )
+    middles = [(entry.lower + entry.upper) / 2 for entry in calibration.bins]
+    shares = Curve("share of the pixels", middles, [entry.share for entry in calibration.bins])
+    return Plot("Reliability of the confidence", "confidence", "share", curves, note, shares)
 
 
 def _sparsification_plot(measure: str, curve: SparsificationCurve, within_m: float) -> Plot:

@@ -11,8 +11,9 @@ import numpy as np
 from radcam_depth_ros.drive import ScanSummary
 from radcam_depth_ros.evaluation.distances import STEP_M, DistanceCurve
 from radcam_depth_ros.evaluation.given import Given
-from radcam_depth_ros.evaluation.groups import Grouping
+from radcam_depth_ros.evaluation.groups import Comparison, Grouping, worse_than_geometry
 from radcam_depth_ros.evaluation.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
+from radcam_depth_ros.evaluation.reliability import Reliability
 from radcam_depth_ros.evaluation.sparsification import Sparsification
 
 
@@ -45,16 +46,26 @@ class DepthSummary:
         ranges: Within 50, 70 and 80 m.
         bins: By distance.
         distances: By distance in finer steps.
+        coverage: For each of `ranges`, share of the pixels with ground truth in range whose depth is finite, averaged
+            over the frames with such pixels; NaN without any.
     """
 
     ranges: tuple[DepthMetrics, ...]
     bins: tuple[DepthMetrics, ...]
     distances: DistanceCurve
+    coverage: tuple[float, ...]
 
     def as_json(self) -> dict[str, object]:
         """Each range by its name, the bins, and the curve."""
         curve = {"step_m": STEP_M, "mae": self.distances.as_json()}
-        return {**_by_name(self.ranges), "by_range": _by_name(self.bins), "by_distance": curve}
+        return {**self.ranges_json(), "by_range": _by_name(self.bins), "by_distance": curve}
+
+    def ranges_json(self) -> dict[str, dict[str, float | int | None]]:
+        """The measures and the coverage of each range, by its name."""
+        return {
+            entry.name: {**entry.as_json(), "coverage": json_number(coverage)}
+            for entry, coverage in zip(self.ranges, self.coverage, strict=True)
+        }
 
     def within(self, range_m: float) -> DepthMetrics:
         """The measures within a range.
@@ -85,7 +96,9 @@ class Evaluation:
         by_class: The dense depth within the widest range by class, where the drives have classes.
         by_class_group: The same by group of classes.
         groupings: The dense depth and the baselines by group of frames.
+        geometry: The dense depth beside geometry alone, by range; empty where that was not measured.
         sparsification: Sparsification by the confidence.
+        reliability: Calibration of the confidence.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
         scans: How the LiDAR scans near the frames became ground truth.
@@ -102,7 +115,9 @@ class Evaluation:
     by_class: tuple[DepthMetrics, ...]
     by_class_group: tuple[DepthMetrics, ...]
     groupings: tuple[Grouping, ...]
+    geometry: Mapping[str, Comparison]
     sparsification: Sparsification
+    reliability: Reliability
     clip_m: float | None
     latency: Latency
     scans: ScanSummary = field(default_factory=ScanSummary)
@@ -115,6 +130,7 @@ class Evaluation:
     def as_json(self) -> dict[str, object]:
         """Plain values for a JSON file: lengths in metres, shares from 0 to 1, null where there is no number."""
         dense = self.dense.as_json()
+        worse = {"worse_than_geometry": worse_than_geometry(self.geometry, self.groupings)} if self.geometry else {}
         return {
             "network": self.network,
             "frames": self.frames,
@@ -122,14 +138,16 @@ class Evaluation:
             "ground_truth": self.ground_truth,
             "lidar_scans": self.scans.as_json() if self.scans.scans else None,
             "given": self.given.as_json(),
-            "dense": _by_name(self.dense.ranges),
+            "dense": self.dense.ranges_json(),
             "semi_dense": self.semi_dense.as_json(),
             "by_range": dense["by_range"],
             "by_distance": dense["by_distance"],
             "by_class": _by_name(self.by_class),
             "by_class_group": _by_name(self.by_class_group),
             **{f"by_{grouping.name}": grouping.as_json() for grouping in self.groupings},
+            **worse,
             "sparsification": self.sparsification.as_json(),
+            "confidence": self.reliability.as_json(),
             "baselines": {name: self._baseline_json(name) for name in self.baselines},
             "clip_m": self.clip_m,
             "latency_ms": self.latency.as_json(),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from radcam_depth_ros.evaluation.given import Given
-from radcam_depth_ros.evaluation.groups import RETURNS, SCENARIO, Grouping
+from radcam_depth_ros.evaluation.groups import BAG, MARGIN, RETURNS, SCENARIO, Group, Grouping
 from radcam_depth_ros.evaluation.metrics import DepthMetrics
+from radcam_depth_ros.evaluation.reliability import LEAST_SHARE, TOLERANCE
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.reporting.table import Fact, Table, number
 
@@ -56,11 +58,22 @@ def summary_table(evaluation: Evaluation) -> Table:
 
 def detail_table(evaluation: Evaluation) -> Table:
     """All measures within each range."""
+    ranges = evaluation.dense.ranges
+    coverage = {
+        DENSE: evaluation.dense.coverage,
+        SEMI_DENSE: (*(math.nan for _ in ranges[:-1]), evaluation.semi_dense.coverage),
+        **{BASELINE_TITLES[name]: depth.coverage for name, depth in evaluation.baselines.items()},
+    }
     rows = tuple(
-        (f"{name}, {entry.name} m", *_measures(entry)) for name, entries in _kinds(evaluation) for entry in entries
+        (f"{name}, {entry.name} m", *_measures(entry), number(100 * share, 1))
+        for name, entries in _kinds(evaluation)
+        for entry, share in zip(entries, coverage[name], strict=True)
     )
-    note = "d1 to d3: share of pixels whose ratio to the truth is below 1.25, 1.25² and 1.25³."
-    return Table("All measures", ("", *_TITLES.values(), "frames"), rows, note)
+    note = (
+        "d1 to d3: share of pixels whose ratio to the truth is below 1.25, 1.25² and 1.25³. Coverage: share of the "
+        "pixels with ground truth in range that have a finite depth; depth of +inf counts as the end of the range."
+    )
+    return Table("All measures", ("", *_TITLES.values(), "frames", "coverage %"), rows, note)
 
 
 def distance_table(evaluation: Evaluation) -> Table:
@@ -76,6 +89,46 @@ def distance_table(evaluation: Evaluation) -> Table:
     return Table("MAE by distance of the ground truth, metres", ("", *(f"{name} m" for name in names)), rows)
 
 
+def reliability_tables(evaluation: Evaluation) -> Iterator[Table]:
+    """Calibration of the confidence by its bins, and by parts of the pixels; none where no pixel has a confidence."""
+    reliability = evaluation.reliability
+    if not reliability.overall.pixels:
+        return
+    bins = tuple(
+        (
+            f"{entry.lower:.1f}-{entry.upper:.1f}",
+            *(number(value, 3) for value in (entry.predicted, entry.observed)),
+            number(100 * entry.share, 1),
+        )
+        for entry in reliability.overall.bins
+    )
+    note = (
+        "Predicted: mean confidence of the pixels. Observed: share of them whose dense depth is within "
+        f"{100 * TOLERANCE:g} % of the truth."
+    )
+    within = f"within {reliability.within_m:g} m"
+    yield Table(f"Reliability of the confidence, {within}", ("", "predicted", "observed", "pixels %"), bins, note)
+    parts = {
+        "all": reliability.overall,
+        **reliability.by_time_of_day,
+        **{f"{name} m": part for name, part in reliability.by_distance.items()},
+        **reliability.by_surface,
+    }
+    rows = tuple(
+        (
+            name,
+            *(number(value, 3) for value in (part.ece, part.largest_fall)),
+            number(100 * part.pixels / reliability.overall.pixels, 1),
+        )
+        for name, part in parts.items()
+    )
+    note = (
+        "ECE: mean distance of predicted and observed over ten bins, weighted by their pixels. Largest fall: of the "
+        f"observed share from one bin to the next; without bins of less than {100 * LEAST_SHARE:g} % of the pixels."
+    )
+    yield Table(f"Calibration of the confidence, {within}", ("", "ECE", "largest fall", "pixels %"), rows, note)
+
+
 def class_tables(evaluation: Evaluation) -> Iterator[Table]:
     """The dense depth by class; none where the drives have no classes."""
     within = f"within {evaluation.dense.ranges[-1].name} m"
@@ -89,19 +142,37 @@ def class_tables(evaluation: Evaluation) -> Iterator[Table]:
 
 
 def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
-    """The dense depth by group of frames, beside the baselines."""
+    """The dense depth by group of frames, beside the baselines; marks groups that are worse than geometry alone."""
     property_ = "number of radar returns in view" if grouping.name == RETURNS else grouping.name.replace("_", " ")
     title = f"By {property_}, within {evaluation.dense.ranges[-1].name} m"
     baselines = tuple(f"MAE m, {BASELINE_TITLES[name]}" for name in evaluation.baselines)
+    compared = ("worse than geometry alone", *(f"% of frames, {name} m" for name in evaluation.geometry))
     rows = tuple(
         (
             group.name,
             *_measures(group.dense),
             *(number(group.baselines[name].mae) for name in evaluation.baselines),
+            *(_compared(evaluation, group) if evaluation.geometry else ()),
         )
         for group in grouping.groups
     )
-    return Table(title, ("", *_TITLES.values(), "frames", *baselines), rows)
+    columns = ("", *_TITLES.values(), "frames", *baselines)
+    if not evaluation.geometry:
+        return Table(title, columns, rows)
+    note = (
+        "Worse than geometry alone: the ranges in which the MAE is larger, and the share of the frames whose MAE is "
+        f"more than {100 * MARGIN:g} % larger."
+    )
+    return Table(title, (*columns, *compared), rows, note)
+
+
+def _compared(evaluation: Evaluation, group: Group) -> tuple[str, ...]:
+    shares = (group.comparisons[name].frames_share for name in evaluation.geometry)
+    return (_within(group.worse_within) or "-", *(number(100 * share, 0) for share in shares))
+
+
+def _within(ranges: Sequence[str]) -> str:
+    return f"{' and '.join(ranges)} m" if ranges else ""
 
 
 def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
@@ -110,6 +181,7 @@ def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
         summary_table(evaluation),
         distance_table(evaluation),
         detail_table(evaluation),
+        *reliability_tables(evaluation),
         *class_tables(evaluation),
         *(group_table(evaluation, grouping) for grouping in evaluation.groupings if len(grouping.groups) > 1),
     )
@@ -130,16 +202,24 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
     if scenario:
         facts.append(Fact("scenario", ", ".join(scenario)))
     within = f"pixels within {evaluation.dense.ranges[-1].name} m"
+    facts.append(Fact("dense coverage", f"{number(100 * evaluation.dense.coverage[-1], 1)} % of the {within}"))
     facts.append(Fact("semi-dense coverage", f"{number(100 * evaluation.semi_dense.coverage, 1)} % of the {within}"))
     if evaluation.sparsification.frames:
         curve = evaluation.sparsification.mae
         rises = "never raises it" if curve.falls else f"raises it by {number(curve.rise_m, 3)} m at most"
         value = f"AUSE {number(curve.ause_m)} m of MAE; leaving out another 5 % of the least confident pixels {rises}"
         facts.append(Fact("confidence", value))
+    calibration = evaluation.reliability.overall
+    if calibration.pixels:
+        falls = f"falls by {number(calibration.largest_fall, 3)} at most" if calibration.largest_fall else "never falls"
+        fall = f"the observed share {falls} from one bin to the next"
+        facts.append(Fact("calibration of the confidence", f"ECE {number(calibration.ece, 3)}; {fall}"))
     if "ground_nearest" in evaluation.baselines:
         sources = " or ".join(_HEIGHT_SOURCES[name] for name in evaluation.given.camera_height_source.split("+"))
         height = f"{number(evaluation.given.camera_height_m)} m ({sources})"
         facts.append(Fact("camera above the road, for geometry alone", height))
+    if evaluation.geometry:
+        facts.append(Fact("worse than geometry alone", _worse(evaluation)))
     if evaluation.clip_m is not None:
         facts.append(Fact("predictions clipped to", f"{evaluation.clip_m:g} m in every range"))
     latency = evaluation.latency
@@ -147,6 +227,25 @@ def facts_of(evaluation: Evaluation) -> tuple[Fact, ...]:
         Fact("time for an estimate", f"p50 {number(latency.p50_ms, 0)} ms, p99 {number(latency.p99_ms, 0)} ms")
     )
     return tuple(facts)
+
+
+def _worse(evaluation: Evaluation) -> str:
+    """The share of the frames that are worse than geometry alone, and the drives that are."""
+    shares = " and ".join(
+        f"{number(100 * entry.frames_share, 1)} % of the frames within {name} m"
+        for name, entry in evaluation.geometry.items()
+    )
+    drives = [group for entry in evaluation.groupings if entry.name == BAG for group in entry.groups]
+    widest = tuple(evaluation.geometry)[-1]
+    worse = [
+        f"{drive.name} (within {_within(drive.worse_within)}; "
+        f"{number(100 * drive.comparisons[widest].frames_share, 0)} % of the frames within {widest} m)"
+        for drive in drives
+        if drive.worse_within
+    ]
+    by_drive = f"; MAE larger in {len(worse)} of {len(drives)} drives" if drives else ""
+    named = f": {', '.join(worse)}" if worse else ""
+    return f"MAE more than {100 * MARGIN:g} % larger in {shares}{by_drive}{named}"
 
 
 def _given(given: Given) -> str:

@@ -1,4 +1,4 @@
-"""Curves over one axis, drawn as SVG."""
+"""Curves and bars over one axis, drawn as SVG."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ class Plot:
         y_label: With its unit.
         curves: The lines.
         note: Below it.
+        bars: Values drawn as bars behind the curves, at evenly spaced x; None for no bars.
     """
 
     title: str
@@ -47,6 +48,7 @@ class Plot:
     y_label: str
     curves: tuple[Curve, ...]
     note: str = ""
+    bars: Curve | None = None
 
 
 def draw_plot(plot: Plot) -> bytes:
@@ -59,6 +61,9 @@ def draw_plot(plot: Plot) -> bytes:
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": plot.title, "font.size": 9}):
         figure = Figure(figsize=(6.4, 3.6), layout="constrained")
         axes = figure.subplots()
+        if plot.bars is not None:
+            width = 0.8 * abs(plot.bars.x[1] - plot.bars.x[0]) if len(plot.bars.x) > 1 else 0.8
+            axes.bar(plot.bars.x, plot.bars.y, width, label=plot.bars.name, color="0.75")
         for curve in plot.curves:
             axes.plot(curve.x, curve.y, "--" if curve.is_dashed else "-", label=curve.name, linewidth=1.5)
         axes.set(xlabel=plot.x_label, ylabel=plot.y_label)

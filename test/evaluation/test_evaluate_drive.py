@@ -14,6 +14,7 @@ from radcam_depth_ros.evaluation.plots import plots_of
 from radcam_depth_ros.evaluation.summary import Latency
 from radcam_depth_ros.evaluation.tables import facts_of, tables_of
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, DepthResult, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.reporting.plot import draw_plot
 
 CAMERA = CameraModel(64, 48, 50.0, 50.0, 31.5, 23.5)
 
@@ -222,6 +223,7 @@ def test_the_confidence_is_measured():
     assert any(fact.name == "confidence" and "AUSE 0.00 m" in fact.value for fact in facts_of(evaluation))
     assert [plot.title for plot in plots_of(evaluation)] == [
         *("Error over distance", "Sparsification, MAE", "Sparsification, RMSE"),
+        "Reliability of the confidence",
     ]
 
 
@@ -275,3 +277,118 @@ def test_an_evaluation_is_a_value():
     evaluation = evaluate_drive([make_sample()], result_of)
     with pytest.raises(dataclasses.FrozenInstanceError):
         evaluation.frames = 2
+
+
+def test_infinite_depth_counts_as_the_farthest():
+    def partly_infinite(frame):
+        result = result_of(frame, 21.0)
+        result.dense[:12] = np.inf
+        return result
+
+    evaluation = evaluate_drive([make_sample(20.0)], partly_infinite)
+    for range_m in (50, 70, 80):
+        assert evaluation.dense.within(range_m).mae == pytest.approx(0.75 * 1.0 + 0.25 * (range_m - 20.0))
+    # By distance, depth is clipped to 100 m.
+    assert evaluation.dense.bins[1].mae == pytest.approx(0.75 * 1.0 + 0.25 * 80.0)
+    assert evaluation.dense.coverage == pytest.approx((0.75, 0.75, 0.75))
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))
+    assert [plain["dense"][name]["coverage"] for name in ("50", "70", "80")] == [0.75] * 3
+    assert plain["baselines"]["ground_nearest"]["80"]["coverage"] == 1.0
+    assert {fact.name: fact.value for fact in facts_of(evaluation)}["dense coverage"].startswith("75.0 %")
+    table = next(table for table in tables_of(evaluation) if table.title == "All measures")
+    shares = {row[0]: row[table.columns.index("coverage %")] for row in table.rows}
+    assert (shares["dense, 80 m"], shares["semi-dense, 80 m"], shares["semi-dense, 50 m"]) == ("75.0", "25.0", "-")
+
+
+def test_coverage_is_of_the_pixels_in_each_range():
+    sample = make_sample(20.0)
+    sample.depth_m[:24], sample.depth_m[24:36] = 60.0, math.nan
+
+    def infinite_above(frame):
+        result = result_of(frame, 21.0)
+        result.dense[:12] = np.inf
+        return result
+
+    nothing = make_sample(math.nan)
+    evaluation = evaluate_drive([sample, nothing], infinite_above)
+    assert evaluation.dense.coverage == pytest.approx((1.0, 2 / 3, 2 / 3))
+    assert evaluate_drive([nothing], infinite_above).as_json()["dense"]["80"]["coverage"] is None
+
+
+def test_nan_in_the_dense_depth_is_refused():
+    def with_holes(frame):
+        result = result_of(frame)
+        result.dense[0, :3] = np.nan
+        return result
+
+    drive = Drive([make_sample(20.0, stamp_ns=1_500_000_000)], "evening")
+    with pytest.raises(EvaluationError, match=r"evening, got NaN in 3 pixels at stamp 1\.5"):
+        evaluate_drives([drive], with_holes)
+
+    def holes_without_radar(frame):
+        return result_of(frame) if len(frame.radar) else with_holes(frame)
+
+    with pytest.raises(EvaluationError, match="NaN in 3 pixels"):
+        evaluate_drives([drive], holes_without_radar, EvaluationSettings(baselines=("camera_only",)))
+
+
+def test_frames_worse_than_geometry_alone_are_told():
+    # Geometry alone gives the return at 15 m or a nearer road: with truth at 15 m its error is that of the road.
+    drives = [Drive([make_sample(15.0)] * 2, "good"), Drive([make_sample(15.0)], "bad")]
+    depths_m = iter((15.1, 15.1, 70.0))
+    evaluation = evaluate_drives(drives, lambda frame: result_of(frame, next(depths_m)))
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))["worse_than_geometry"]
+    for range_m in ("50", "80"):
+        assert plain[range_m]["frames_share"] == pytest.approx(1 / 3)
+        assert plain[range_m]["drives"] == ["bad"]
+        assert plain[range_m]["frames_share_by_drive"] == {"good": 0.0, "bad": 1.0}
+    told = {fact.name: fact.value for fact in facts_of(evaluation)}["worse than geometry alone"]
+    assert "33.3 % of the frames within 80 m" in told
+    assert "1 of 2 drives: bad (within 50 and 80 m; 100 %" in told
+    (table,) = (table for table in tables_of(evaluation) if table.title.startswith("By bag"))
+    place = table.columns.index("worse than geometry alone")
+    assert [row[place:] for row in table.rows] == [("-", "0", "0"), ("50 and 80 m", "100", "100")]
+
+
+def test_geometry_alone_is_compared_only_where_it_was_measured():
+    drives = [Drive([make_sample()], "a"), Drive([make_sample()], "b")]
+    evaluation = evaluate_drives(drives, result_of, EvaluationSettings(baselines=("radar_interpolation",)))
+    assert "worse_than_geometry" not in evaluation.as_json()
+    assert "worse than geometry alone" not in {fact.name for fact in facts_of(evaluation)}
+    assert all("worse than geometry alone" not in table.columns for table in tables_of(evaluation))
+
+
+def test_the_calibration_of_the_confidence_is_in_the_report():
+    classes = np.zeros((48, 64), np.uint8)
+    classes[:24] = 13
+    drives = [Drive([make_sample(20.0, classes=classes)], "a", {"time_of_day": "night"})]
+    evaluation = evaluate_drives(drives, lambda frame: result_of(frame, 30.0))
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))
+    # A confidence of 1, and depth that is wrong everywhere.
+    assert plain["confidence"]["ece"] == 1.0
+    assert plain["confidence"]["by_time_of_day"]["night"]["ece"] == 1.0
+    assert plain["confidence"]["by_surface"]["road"]["pixels"] == 24 * 64
+    assert {fact.name: fact.value for fact in facts_of(evaluation)}["calibration of the confidence"] == (
+        "ECE 1.000; the observed share never falls from one bin to the next"
+    )
+    tables = {table.title: table for table in tables_of(evaluation)}
+    assert tables["Reliability of the confidence, within 80 m"].rows[-1] == ("0.9-1.0", "1.000", "0.000", "100.0")
+    parts = tables["Calibration of the confidence, within 80 m"].rows
+    assert [row[0] for row in parts] == ["all", "night", "0-20 m", "20-50 m", "50-80 m", "road", "not road"]
+    assert parts[3][1:] == ("-", "-", "0.0")
+    plot = plots_of(evaluation)[-1]
+    assert (plot.curves[0].x, plot.curves[0].y) == ([1.0], [0.0])
+    assert draw_plot(plot).startswith(b"<?xml")
+
+
+def test_depth_without_confidence_has_no_calibration():
+    def unsure(frame):
+        result = result_of(frame)
+        result.confidence[:] = np.nan
+        return result
+
+    evaluation = evaluate_drive([make_sample()], unsure)
+    assert evaluation.as_json()["confidence"]["ece"] is None
+    assert not [table for table in tables_of(evaluation) if "confidence" in table.title]
+    assert "calibration of the confidence" not in {fact.name for fact in facts_of(evaluation)}
+    assert "Reliability of the confidence" not in {plot.title for plot in plots_of(evaluation)}
