@@ -175,9 +175,9 @@ class Baff(Network):
         self.context = ContextEncoder() if config.context != "none" else None
         self.keeps_told = config.geometry_mix
         self.road = RoadVotes(config.channels) if config.road and config.ground_prior else None
+        self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
         self.sky = SkyHead(config.channels) if config.geometry_mix else None
         self.mix = GeometryMix(config.channels[0], config.detail) if config.geometry_mix else None
-        self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
