@@ -102,6 +102,7 @@ class Network(nn.Module):
         backbones: Names of the submodules that take the weights of public checkpoints.
         adjustable: Names of the config's values that no weight depends on: they may be changed after training.
         trained_like: Name of the network whose losses and recipe it is trained by; empty for its own.
+        grows: Names of the config's switches that add submodules, which weights without them can be trained on from.
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
         paper_network: Name of the network that is this form, with the values of `paper`; empty for the network itself.
     """
@@ -113,6 +114,7 @@ class Network(nn.Module):
     backbones: ClassVar[tuple[str, ...]] = ()
     adjustable: ClassVar[tuple[str, ...]] = ()
     trained_like: ClassVar[str] = ""
+    grows: ClassVar[tuple[str, ...]] = ()
     paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     paper_network: ClassVar[str] = ""
 

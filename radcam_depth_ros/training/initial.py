@@ -34,7 +34,7 @@ class Sources:
 
 
 def load_initial(network: networks.Network, name: str, source: str | Path) -> None:
-    """Gives a network the weights of an archive of the same architecture.
+    """Gives a network the weights of an archive of the same architecture, or of one that it has grown from.
 
     Args:
         network: To be trained.
@@ -52,12 +52,15 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
         raise TrainingError(f"the weights of {source} are of {given.card.network!r}, not of {name!r}")
     mine, theirs = configuration.as_mapping(network.config), given.card.architecture
     for key, value in mine.items():
+        if key in network.grows and value and not theirs.get(key):
+            continue
         if key not in network.adjustable and theirs.get(key) != value:
             raise TrainingError(
                 f"the architecture of {source} differs: its {key} is {theirs.get(key)}, the recipe's is {value}; leave "
                 f"{key} out of the recipe, or start from other weights"
             )
-    network.load_state_dict(given.network.state_dict())
+    # Parts that these weights do not have keep their first values; the architectures agree in all else.
+    network.load_state_dict({**network.state_dict(), **given.network.state_dict()})
 
 
 IMAGENET = "imagenet"

@@ -22,3 +22,12 @@ def test_what_no_weight_depends_on_may_differ(small_weights: Path) -> None:
 def test_another_architecture_is_refused_naming_what_differs(small_weights: Path) -> None:
     with pytest.raises(TrainingError, match="its detail is 2, the recipe's is 4; leave detail out of the recipe"):
         load_initial(networks.create("baff", {"detail": 4}), "baff", small_weights)
+
+
+def test_weights_without_the_mix_can_be_trained_on_with_it() -> None:
+    network = networks.create("baff")
+    first = {name: value.clone() for name, value in network.state_dict().items()}
+    load_initial(network, "baff", "baff")
+    now = network.state_dict()
+    assert torch.equal(now["mix.join.0.weight"], first["mix.join.0.weight"])
+    assert not torch.equal(now["encoder.stem.0.0.weight"], first["encoder.stem.0.0.weight"])

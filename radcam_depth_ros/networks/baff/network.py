@@ -145,6 +145,7 @@ class Baff(Network):
     )
     backbones = ("context",)
     adjustable = ("threshold", "caution")
+    grows = ("geometry_mix",)
     paper_network = "baff_paper"
 
     def __init__(self, config: BaffConfig) -> None:

@@ -20,6 +20,7 @@ from radcam_depth_ros.training.data.augmentation import (
 )
 from radcam_depth_ros.training.data.photometric import PhotometricConfig, perceive
 from radcam_depth_ros.training.data.samples import TrainingSample
+from radcam_depth_ros.training.data.unreadable import unreadable
 
 CAMERA = CameraModel(160, 96, 120.0, 118.0, 83.0, 41.0)
 UP = np.array([0.05, -0.99, 0.08]) / np.linalg.norm([0.05, -0.99, 0.08])
@@ -221,3 +222,12 @@ def test_light_changes_the_image_but_not_its_size() -> None:
     result = perceive(image, config, np.random.default_rng(1))
     assert result.shape == image.shape
     assert result.std() > 0.01
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_an_unreadable_picture_is_still_a_picture(seed: int) -> None:
+    image = np.random.default_rng(0).random((32, 48, 3), np.float32)
+    result = unreadable(image, np.random.default_rng(seed))
+    assert (result.shape, result.dtype) == (image.shape, np.float32)
+    assert ((result >= 0) & (result <= 1)).all()
+    assert (result != image).any()
