@@ -121,7 +121,9 @@ def _details(spec: ParameterSpec) -> str:
 def _yaml(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(_yaml(item) for item in value)}]"
-    return value if isinstance(value, str) and re.fullmatch(r"[a-z][\w/]*", value) else json.dumps(value)
+    # ROS reads `infinity` as a number.
+    is_word = isinstance(value, str) and re.fullmatch(r"[a-z][\w/]*", value) and value != "infinity"
+    return value if is_word else json.dumps(value)
 
 
 def _parameter_file(head: str, sections: dict[str, tuple[str, ...]], tail: str = "") -> str:

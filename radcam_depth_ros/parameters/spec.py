@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import functools
+import math
 import typing
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -96,7 +97,8 @@ def _number(value: Any) -> float | None:
 
 
 def _text(value: Any) -> str | None:
-    return value if isinstance(value, str) else None
+    # ROS reads the word `infinity` of a parameter file as a number.
+    return "infinity" if value == math.inf else value if isinstance(value, str) else None
 
 
 def _flag(value: Any) -> bool | None:

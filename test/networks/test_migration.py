@@ -62,10 +62,11 @@ def test_a_card_of_the_papers_form_is_read_as_its_network(tmp_path: Path) -> Non
 
 def test_a_card_with_old_keys_is_read(tmp_path: Path) -> None:
     old = {"fusion": "quarter", "considered": 5}
-    path = save(tmp_path, "baseline", {"returns_per_cell": 5}, "baseline", old)
+    without = {"returns_per_cell": 5, "geometry_mix": False}
+    path = save(tmp_path, "baseline", without, "baseline", old)
     with pytest.warns(ArchitectureWarning, match="considered is called returns_per_cell now"):
         loaded = archive.load(path)
-    assert loaded.network.config == registry.create_config("baseline", {"returns_per_cell": 5})
+    assert loaded.network.config == registry.create_config("baseline", without)
 
 
 def test_an_old_key_of_a_recipe_is_read() -> None:

@@ -188,6 +188,7 @@ ADJUSTABLE = {
     "points_stride": 4,
     "points_near_m": 1.0,
     "points_far_m": 40.0,
+    "sky": "none",
     "without_radar": "hold",
     "max_hold_s": 0.2,
     "output_size": "network",

@@ -120,3 +120,8 @@ def test_an_unknown_parameter_names_the_nearest(name: str, near: str) -> None:
     values: dict[str, Any] = {name: 1}
     with pytest.raises(ParameterError, match=near):
         build_config(values)
+
+
+@pytest.mark.parametrize("value", ["infinity", float("inf")])
+def test_the_word_for_the_sky_is_read_as_ros_reads_it(value: object) -> None:
+    assert build_config({"sky": value}).output.sky == "infinity"
