@@ -72,6 +72,18 @@ class CameraModel:
         """K, (3, 3) float64."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
+    def resized(self, width: int, height: int) -> CameraModel:
+        """The same camera with an image of another size: pixel areas scale, so u + 1/2 scales, not u."""
+        across, down = width / self.width, height / self.height
+        return CameraModel(
+            width,
+            height,
+            self.fx * across,
+            self.fy * down,
+            (self.cx + 0.5) * across - 0.5,
+            (self.cy + 0.5) * down - 0.5,
+        )
+
 
 @dataclass(frozen=True)
 class Lens:

@@ -316,15 +316,6 @@ class CanonicalCamera:
                 f"becomes {width} x {height} at the network's focal length of {focal_length_px:.0f} px, more than "
                 f"{max_pixels} pixels; check camera_info or crop the image (CameraInfo's ROI)"
             )
-        scale_x, scale_y = width / source.width, height / source.height
-        # Pixel areas scale, so pixel centres move: u + 1/2 scales, not u.
-        scaled = CameraModel(
-            width,
-            height,
-            source.fx * scale_x,
-            source.fy * scale_y,
-            (source.cx + 0.5) * scale_x - 0.5,
-            (source.cy + 0.5) * scale_y - 0.5,
-        )
+        scaled = source.resized(width, height)
         network = CameraModel(padded_width, padded_height, scaled.fx, scaled.fy, scaled.cx, scaled.cy)
         return cls(source, scaled, network)

@@ -310,13 +310,4 @@ def _grey(frame: Frame) -> tuple[ImageArray, CameraModel]:
     if scale >= 1:
         return image, camera
     width, height = WIDTH_PX, max(1, round(camera.height * scale))
-    across, down = width / camera.width, height / camera.height
-    smaller = CameraModel(
-        width,
-        height,
-        camera.fx * across,
-        camera.fy * down,
-        (camera.cx + 0.5) * across - 0.5,
-        (camera.cy + 0.5) * down - 0.5,
-    )
-    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), smaller
+    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), camera.resized(width, height)

@@ -65,16 +65,7 @@ def radar_interpolation(frame: Frame) -> FloatArray:
     camera = frame.camera
     scale = min(1.0, CELLS_ACROSS / max(camera.width, camera.height))
     width, height = max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
-    across, down = width / camera.width, height / camera.height
-    cells = CameraModel(
-        width,
-        height,
-        camera.fx * across,
-        camera.fy * down,
-        (camera.cx + 0.5) * across - 0.5,
-        (camera.cy + 0.5) * down - 0.5,
-    )
-    known = depth_image(frame.radar.xyz_m, cells)
+    known = depth_image(frame.radar.xyz_m, camera.resized(width, height))
     is_known = np.isfinite(known)
     if not is_known.any():
         return np.full((camera.height, camera.width), FARTHEST_M, np.float32)
