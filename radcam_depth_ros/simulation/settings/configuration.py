@@ -107,6 +107,7 @@ class CameraConfig:
         max_focal_length_px: and this, pixels.
         min_height_m: Each seed mounts the camera between this
         max_height_m: and this above the road, metres.
+        usual_height_m: Height that is likeliest between these two, metres, see `rig`; 0 for all as likely.
         max_pitch_deg: Each seed tilts it by up to this, degrees; rolls by a third of it.
         edge_samples: More rays for each pixel at an edge, against stairs; 0 for none.
         jpeg: Write CompressedImage; otherwise Image, rgb8.
@@ -125,6 +126,7 @@ class CameraConfig:
     max_focal_length_px: float = 630.0
     min_height_m: float = 1.0
     max_height_m: float = 2.5
+    usual_height_m: float = 0.0
     max_pitch_deg: float = 3.0
     edge_samples: int = 2
     jpeg: bool = True
@@ -139,6 +141,11 @@ class CameraConfig:
         require_ranges("camera", self, {**sides, "max_pitch_deg": (0, 20), "edge_samples": (0, 8)})
         sizes = {"focal_length_px": (10, 10000), "height_m": (0.3, 4), "jpeg_quality": (1, 100)}
         require_pairs("camera", self, sizes)
+        require(
+            self.usual_height_m == 0 or self.min_height_m <= self.usual_height_m <= self.max_height_m,
+            "camera.usual_height_m must be 0 (all heights as likely) or lie between min_height_m and max_height_m, got "
+            f"{self.usual_height_m}",
+        )
         for name in ("width", "height"):
             least_px, most_px = getattr(self, f"min_{name}"), getattr(self, name)
             require(

@@ -25,3 +25,12 @@ def test_each_seed_draws_a_size_between_the_least_and_the_most() -> None:
     assert all(500 <= camera.width <= 1000 and 200 <= camera.height <= 500 for camera in cameras)
     assert {camera.fx for camera in cameras} == {630.0}
     assert {draw_rig(seed, CameraConfig(), *SENSORS).camera.width for seed in range(5)} == {800}
+
+
+def test_cameras_around_a_usual_height_have_a_tail() -> None:
+    config = CameraConfig(min_height_m=1.0, usual_height_m=1.4, max_height_m=3.0)
+    heights = [draw_rig(seed, config, *SENSORS).footprint_from(CAMERA).translation[2] for seed in range(200)]
+    low, middle, high = np.percentile(heights, [10, 50, 95])
+    assert 1.2 < low < 1.4 < middle < 1.75 < high
+    assert 2.3 < max(heights) <= 3.0
+    assert min(heights) >= 1.0
