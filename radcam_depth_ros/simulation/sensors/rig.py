@@ -52,6 +52,8 @@ def draw_rig(
     focal, height, pitch, roll, yaw, shift_x, shift_y = rng.uniform(-1, 1, 7)
     low, high = np.log(config.min_focal_length_px), np.log(config.max_focal_length_px)
     focal_px = float(np.exp(low + (high - low) * (focal + 1) / 2))
+    # Exactly, whatever a processor makes of exp(log(x)).
+    focal_px = min(max(focal_px, config.min_focal_length_px), config.max_focal_length_px)
     # A generator of its own, so that a range of sizes leaves the mounting as it is, too.
     sizes = generator(seed, Stream.RIG, 1)
     width = int(sizes.integers(config.min_width or config.width, config.width + 1))
