@@ -70,7 +70,8 @@ class TrainOutputs(NamedTuple):
     """What training needs of `baff`: the depths, and what its other losses are made from.
 
     `road_m` is the depth of the road as the network corrected it, (B, 1, h, w) with the image's size or smaller by a
-    whole factor.
+    whole factor; `told_m` is that of the road as it was told or assumed, and `road_deviation` the standard deviation of
+    the logarithm of `road_m`, both of the same size.
 
     `own_m` and `geometry_m` are the network's own depth and geometry's, between which the dense depth lies, and
     `sky_logit` is the logit of the sky, all (B, 1, h, w) likewise.
@@ -86,6 +87,8 @@ class TrainOutputs(NamedTuple):
     own_m: Tensor | None = None
     geometry_m: Tensor | None = None
     sky_logit: Tensor | None = None
+    told_m: Tensor | None = None
+    road_deviation: Tensor | None = None
 
 
 class Network(nn.Module):

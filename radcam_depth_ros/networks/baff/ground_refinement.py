@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from radcam_depth_ros.networks.layers.blocks import ConvBlock, PlanarConv, UpSum
+from radcam_depth_ros.networks.layers.image_statistics import FromStatistics
 
 FEATURES = 64
 """Channels of the votes' features."""
@@ -31,13 +32,14 @@ class RoadVotes(nn.Module):
 
     Args:
         channels: Of the encoder's maps at 1/4, 1/8, 1/16, 1/32.
+        abstains: All votes count less on frames whose statistics say that the picture tells nothing.
     """
 
-    keeps_float32 = True  # the trust
+    keeps_float32 = True  # trust and spread
     vote_rows: Final[float] = VOTE_ROWS
     span_px: Final[float] = SPAN_PX
 
-    def __init__(self, channels: tuple[int, ...]) -> None:
+    def __init__(self, channels: tuple[int, ...], abstains: bool) -> None:
         super().__init__()
         self.up = UpSum(channels[3], channels[2], FEATURES)
         self.features = ConvBlock(FEATURES, FEATURES)
@@ -45,42 +47,82 @@ class RoadVotes(nn.Module):
         self.votes = PlanarConv(FEATURES, torch.zeros(2))
         # Logarithms of what is told, of the three coefficients; first where it is assumed, then where it is known.
         self.trust = nn.Parameter(torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]))
+        self.gate = FromStatistics(torch.full((1,), 3.0)) if abstains else None
+        # Logarithm of a vote's standard deviation, were it the only one.
+        self.spread = nn.Parameter(torch.full((1,), -1.0)) if abstains else None
 
-    def forward(self, maps: list[Tensor], ground: Tensor) -> Tensor:
-        """Takes the encoder's maps and (B, 4) a, b, c, whether known, to the same with a, b, c corrected."""
+    def forward(self, maps: list[Tensor], ground: Tensor, statistics: Tensor) -> tuple[Tensor, Tensor]:
+        """Corrects the road.
+
+        Args:
+            maps: Of the encoder.
+            ground: (B, 4) a, b, c, and whether known.
+            statistics: (B, 10), as `FrameStatistics` has them.
+
+        Returns:
+            The same with a, b, c corrected, and the covariance (B, 3, 3) of the correction, as `deviation` takes
+            it: of height, pitch and roll in one.
+        """
         votes = self.votes(self.features(self.up(maps[3], maps[2])))
         batch, rows, columns = votes.shape[0], votes.shape[2], votes.shape[3]
         x = self._places(columns, votes.device).reshape(1, 1, -1).expand(1, rows, -1)
         y = self._places(rows, votes.device).reshape(1, -1, 1).expand(1, -1, columns)
         places = torch.stack([x, y, torch.ones_like(x)], dim=-1).reshape(1, -1, 3)
         weight = torch.sigmoid(votes[:, 1]).reshape(batch, -1, 1) / 16.0
+        if self.gate is not None:
+            weight = weight * torch.sigmoid(self.gate(statistics)).unsqueeze(2)
         weighted = places * weight
         trust = torch.exp(torch.where(ground[:, 3:] > 0.5, self.trust[1], self.trust[0]))
         # Products and sums, not matrix products: autocast would make those bfloat16.
         matrix = (weighted.unsqueeze(3) * places.unsqueeze(2)).sum(dim=1) + torch.diag_embed(trust)
-        x, y, z = self._solve(matrix, (weighted * votes[:, 0].reshape(batch, -1, 1)).sum(dim=1))
+        inverse = _inverse(matrix)
+        right = (weighted * votes[:, 0].reshape(batch, -1, 1)).sum(dim=1)
+        x, y, z = (inverse * right.unsqueeze(1)).sum(dim=2).unbind(1)
+        covariance = inverse
+        if self.spread is not None:
+            covariance = inverse * torch.exp(2.0 * self.spread)
         # NaN, where nothing is told, would make the gradient NaN, too.
         step = self.vote_rows * torch.nan_to_num(ground[:, 1])
         middle_x, middle_y = 8.0 * columns - 0.5, 8.0 * rows - 0.5
         x, y = step * x / self.span_px, step * y / self.span_px
         z = step * z - x * middle_x - y * middle_y
-        return torch.cat([ground[:, :3] + torch.stack([x, y, z], dim=1), ground[:, 3:]], dim=1)
+        return torch.cat([ground[:, :3] + torch.stack([x, y, z], dim=1), ground[:, 3:]], dim=1), covariance
 
-    def _places(self, count: int, device: torch.device) -> Tensor:
-        """Where pixels at 1/16 are along an axis, from the image's middle, in spans."""
-        return (torch.arange(count, device=device, dtype=torch.float32) + 0.5 - 0.5 * count) * 16.0 / self.span_px
+    @torch.jit.export
+    def deviation(self, covariance: Tensor, ground: Tensor, road_m: Tensor, stride: float) -> Tensor:
+        """Standard deviation of the logarithm of the road's depth.
 
-    def _solve(self, matrix: Tensor, right: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Cramer's rule: a solver that checks its result would wait for the device. (B, 3, 3), (B, 3) to three (B,)."""
-        first, second, third = matrix[:, :, 0], matrix[:, :, 1], matrix[:, :, 2]
-        whole = _volume(first, second, third)
-        return (
-            _volume(right, second, third) / whole,
-            _volume(first, right, third) / whole,
-            _volume(first, second, right) / whole,
-        )
+        Args:
+            covariance: (B, 3, 3) float32, of the correction.
+            ground: (B, 4), the road that was told.
+            road_m: (B, 1, h, w) float32, the depth of the corrected road in metres.
+            stride: Pixels of the image a pixel of `road_m`.
+
+        Returns:
+            (B, 1, h, w) float32, at most 1; 0 where nothing is told.
+        """
+        x = self._places(road_m.shape[3], road_m.device, stride).reshape(1, 1, 1, -1)
+        y = self._places(road_m.shape[2], road_m.device, stride).reshape(1, 1, -1, 1)
+        c = covariance.reshape(-1, 9, 1, 1, 1).unbind(1)
+        variance = c[0] * x * x + c[4] * y * y + c[8] + 2.0 * (c[1] * x * y + c[2] * x + c[5] * y)
+        step = self.vote_rows * torch.nan_to_num(ground[:, 1]).abs().reshape(-1, 1, 1, 1)
+        return (step * variance.clamp(min=1e-12).sqrt() * road_m).clamp(max=1.0)
+
+    def _places(self, count: int, device: torch.device, stride: float = 16.0) -> Tensor:
+        """Where pixels of `stride` are along an axis, from the image's middle, in spans."""
+        return (torch.arange(count, device=device, dtype=torch.float32) + 0.5 - 0.5 * count) * stride / self.span_px
 
 
-def _volume(first: Tensor, second: Tensor, third: Tensor) -> Tensor:
-    volume: Tensor = (first * torch.linalg.cross(second, third, dim=1)).sum(dim=1)
-    return volume
+def _inverse(matrix: Tensor) -> Tensor:
+    """(B, 3, 3) to its inverse by cross products: a solver that checks its result would wait for the device."""
+    first, second, third = matrix[:, 0], matrix[:, 1], matrix[:, 2]
+    adjugate = torch.stack(
+        [
+            torch.linalg.cross(second, third, dim=1),
+            torch.linalg.cross(third, first, dim=1),
+            torch.linalg.cross(first, second, dim=1),
+        ],
+        dim=2,
+    )
+    whole = (first * adjugate[:, :, 0]).sum(dim=1)
+    return adjugate / whole.reshape(-1, 1, 1)

@@ -20,6 +20,7 @@ from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs, learns
 from radcam_depth_ros.networks.layers.blocks import QuarterEncoder
 from radcam_depth_ros.networks.layers.caution import Caution, check_caution
+from radcam_depth_ros.networks.layers.image_statistics import FrameStatistics
 from radcam_depth_ros.networks.layers.mobilenet import ContextEncoder
 from radcam_depth_ros.networks.layers.rasterise import (
     PRIOR_PLANES,
@@ -30,6 +31,21 @@ from radcam_depth_ros.networks.layers.rasterise import (
     plane_to_depth,
 )
 from radcam_depth_ros.networks.registry import register
+
+
+class Roads(NamedTuple):
+    """Planes of the road, (B, 1, h detail, w detail) each.
+
+    told: As it was told or assumed.
+    seen: As the image shows it.
+    used: What the network takes for the road: a told one to the digit, an assumed one as the image shows it.
+    deviation: Standard deviation of the logarithm of the depth of `seen`.
+    """
+
+    told: Tensor
+    seen: Tensor
+    used: Tensor
+    deviation: Tensor
 
 
 class Decision(NamedTuple):
@@ -175,19 +191,21 @@ class Baff(Network):
         self.encoder = QuarterEncoder(PRIOR_PLANES, config.channels, config.blocks, widths, config.instance_norm)
         self.context = ContextEncoder() if config.context != "none" else None
         self.keeps_told = config.geometry_mix
-        self.road = RoadVotes(config.channels) if config.road and config.ground_prior else None
+        self.statistics = FrameStatistics()
+        has_road = config.road and config.ground_prior
+        self.road = RoadVotes(config.channels, config.geometry_mix) if has_road else None
         self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
-        self.sky = SkyHead(config.channels) if config.geometry_mix else None
+        self.sky = SkyHead(config.channels[0]) if config.geometry_mix else None
         self.mix = GeometryMix(config.channels[0], config.detail) if config.geometry_mix else None
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
         maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
         best, depth, features = self.association(image, maps, radar, valid)
-        used, seen = self._roads(maps, ground)
-        choice = self._choose(maps, features, best, depth, geometry, self._drawn(used, image))
-        told, found = self._drawn(ground, image), self._drawn(seen, image)
-        return self._decide(image, valid, maps, geometry, told, found, best, depth, choice).depths
+        statistics = self.statistics(image, valid)
+        roads = self._roads(maps, ground, statistics, image)
+        choice = self._choose(maps, features, best, depth, geometry, roads.used)
+        return self._decide(image, statistics, geometry, roads, best, depth, choice).depths
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
@@ -198,8 +216,8 @@ class Baff(Network):
         """
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
         maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
-        used, seen = self._roads(maps, ground)
-        found = self._drawn(seen, image)
+        statistics = self.statistics(image, valid)
+        roads = self._roads(maps, ground, statistics, image)
         association: Association | None = None
         if learns(self.association):
             association, best, depth, features = self.association.train_outputs(image, maps, radar, valid)
@@ -207,23 +225,24 @@ class Baff(Network):
             best, depth, features = self.association(image, maps, radar, valid)
         if not (learns(self.fusion) or (self.mix is not None and learns(self.mix))):
             return TrainOutputs(None, None, association, None, None)
-        choice = self._choose(maps, features, best, depth, geometry, self._drawn(used, image))
-        told = self._drawn(ground, image)
-        decision = self._decide(image, valid, maps, geometry, told, found, best, depth, choice)
+        choice = self._choose(maps, features, best, depth, geometry, roads.used)
+        decision = self._decide(image, statistics, geometry, roads, best, depth, choice)
         logits, planes = self.fusion.hypotheses(choice)
-        candidates = Candidates(logits, self._depth(planes)) if learns(self.fusion) else None
-        own_m, geometry_m = (
-            (None, None) if self.mix is None else (self._depth(choice.plane), self._depth(decision.geometry))
-        )
-        return TrainOutputs(
+        outputs = TrainOutputs(
             decision.depths,
             decision.confidence_logit,
             association,
-            candidates,
-            self._depth(found),
-            own_m,
-            geometry_m,
-            decision.sky_logit,
+            Candidates(logits, self._depth(planes)) if learns(self.fusion) else None,
+            self._depth(roads.seen),
+        )
+        if self.mix is None:
+            return outputs
+        return outputs._replace(
+            own_m=self._depth(choice.plane),
+            geometry_m=self._depth(decision.geometry),
+            sky_logit=decision.sky_logit,
+            told_m=self._depth(roads.told),
+            road_deviation=roads.deviation,
         )
 
     def _context(self, image: Tensor) -> list[Tensor]:
@@ -232,13 +251,18 @@ class Baff(Network):
             maps = self.context(image)
         return maps
 
-    def _roads(self, maps: list[Tensor], ground: Tensor) -> tuple[Tensor, Tensor]:
-        """The road to use, a told one to the digit, and the road as the image shows it, both (B, 4)."""
+    def _roads(self, maps: list[Tensor], ground: Tensor, statistics: Tensor, image: Tensor) -> Roads:
+        """The road as it is told, seen and used."""
+        told = self._drawn(ground, image)
         if self.road is None:
-            return ground, ground
-        seen = self.road(maps, ground)
-        used = torch.where(ground[:, 3:] > 0.5, ground, seen) if self.keeps_told else seen
-        return used, seen
+            return Roads(told, told, told, torch.zeros_like(told))
+        ground_seen, covariance = self.road(maps, ground, statistics)
+        seen = self._drawn(ground_seen, image)
+        used = seen
+        if self.keeps_told:
+            used = torch.where(ground[:, 3:].unsqueeze(2).unsqueeze(3) > 0.5, told, seen)
+        deviation = self.road.deviation(covariance, ground, self._depth(seen), self.stride / self.detail)
+        return Roads(told, seen, used, deviation)
 
     def _drawn(self, ground: Tensor, image: Tensor) -> Tensor:
         """A road's plane (B, 1, h detail, w detail)."""
@@ -271,11 +295,9 @@ class Baff(Network):
     def _decide(
         self,
         image: Tensor,
-        valid: Tensor,
-        maps: list[Tensor],
+        statistics: Tensor,
         geometry: Geometry,
-        told: Tensor,
-        seen: Tensor,
+        roads: Roads,
         best: Tensor,
         depth: Tensor,
         choice: Choice,
@@ -285,26 +307,27 @@ class Baff(Network):
         sky_logit: Tensor | None = None
         sky: Tensor | None = None
         if self.mix is not None and self.sky is not None:
-            sky_logit, sky_features = self.sky(image, maps, geometry.prior[:, :1])
-            near = torch.minimum(told, functional.interpolate(geometry.nearest, scale_factor=float(self.detail)))
+            sky_logit = self.sky(image, choice.features)
+            near = torch.minimum(roads.told, functional.interpolate(geometry.nearest, scale_factor=float(self.detail)))
             planes = [
                 geometry.prior,
-                torch.sigmoid(functional.avg_pool2d(confidence_logit.detach(), self.detail)),
-                self.emphasis * functional.avg_pool2d(seen.detach() - told, self.detail),
-                torch.sigmoid(functional.avg_pool2d(sky_logit.detach(), 2)),
+                torch.sigmoid(functional.avg_pool2d(confidence_logit.float(), self.detail)),
+                self.emphasis * functional.avg_pool2d(roads.seen - roads.told, self.detail),
+                self.emphasis * functional.avg_pool2d(roads.deviation, self.detail),
+                torch.sigmoid(functional.avg_pool2d(sky_logit, 2)),
             ]
-            returns = valid.sum(dim=1, keepdim=True)
-            known = torch.cat([values.float() for values in planes], dim=1)
-            features = choice.features
-            plane, confidence_logit = self.mix(image, returns, features, sky_features.detach(), known, plane, near)
+            # What the other parts learn is theirs: the mix takes it as it stands.
+            known = torch.cat([values.detach().float() for values in planes], dim=1)
+            plane, confidence_logit = self.mix(statistics, choice.features, known, plane, confidence_logit, near)
             sky = torch.sigmoid(sky_logit)
-        elif not self.training:
+        semi_dense = self._agreed(best, depth, plane, confidence_logit)
+        if self.mix is None and not self.training:
             plane = self.caution(plane, confidence_logit, near)
         size = (image.shape[2], image.shape[3])
         if self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")
             confidence_logit = functional.interpolate(confidence_logit, size, mode="bilinear")
-        semi_dense = functional.interpolate(self._agreed(best, depth, choice), size, mode="nearest")
+        semi_dense = functional.interpolate(semi_dense, size, mode="nearest")
         depths = Depths(self._depth(plane), semi_dense, torch.sigmoid(confidence_logit), None, sky)
         return Decision(depths, confidence_logit, near, sky_logit)
 
@@ -312,15 +335,15 @@ class Baff(Network):
         """Of stage 1's return."""
         return torch.sigmoid(best.detach().float())
 
-    def _agreed(self, best: Tensor, depth: Tensor, choice: Choice) -> Tensor:
+    def _agreed(self, best: Tensor, depth: Tensor, plane: Tensor, confidence_logit: Tensor) -> Tensor:
         """The semi-dense depth: stage 1's return where both stages are sure of it and agree; NaN elsewhere.
 
         Deviation: in the paper stage 1 decides alone. Stage 2 has seen more, and what it says comes for nothing
         (docs/decisions.md).
         """
         size = (best.shape[2], best.shape[3])
-        dense = functional.interpolate(self._depth(choice.plane.detach()), size, mode="bilinear")
-        confidence = torch.sigmoid(functional.interpolate(choice.confidence_logit.detach(), size, mode="bilinear"))
+        dense = functional.interpolate(self._depth(plane.detach()), size, mode="bilinear")
+        confidence = torch.sigmoid(functional.interpolate(confidence_logit.detach().float(), size, mode="bilinear"))
         apart = torch.log(depth.clamp(min=self.min_depth_m) / dense).abs()
         # Stage 2's word weighs more: it knows what is in front. Powers and `AGREEMENT` were chosen on held-out drives.
         score = self._probability(best).sqrt() * confidence.square() * torch.exp(-apart / self.agreement)

@@ -2,59 +2,37 @@
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
-from radcam_depth_ros.networks.layers.blocks import LEAK, ConvBlock, PlanarConv, Projection, double
+from radcam_depth_ros.networks.layers.blocks import ConvBlock, PlanarConv, double
 
-WIDTHS = (48, 32, 24)
-"""Channels at 1/32 and 1/16, at 1/8, and at 1/4."""
+WIDTH = 24
+"""Channels at 1/4."""
 
 FINE = 8
 """Channels at 1/2: what is thin against the sky is decided there."""
 
 
 class SkyHead(nn.Module):
-    """Decodes the image encoder's maps to the sky, with a light stem at 1/2 for what is thin. Not in the paper.
+    """Tells the sky from stage 2's features, with a light stem at 1/2 for what is thin against it. Not in the paper.
+
+    At 1/4 it is told how likely the sky is, and what each channel of the stem says about it there: a dark line is a
+    wire before a bright sky, and nothing on a wall.
 
     Args:
-        channels: Of the image encoder's maps at 1/4, 1/8, 1/16, 1/32.
+        channels: Of stage 2's features.
     """
 
-    def __init__(self, channels: tuple[int, ...]) -> None:
+    def __init__(self, channels: int) -> None:
         super().__init__()
-        self.activation = nn.LeakyReLU(LEAK)
-        self.coarse = Projection(channels[3], WIDTHS[0])
-        self.laterals = nn.ModuleList(
-            Projection(before, after) for before, after in zip(reversed(channels[:3]), WIDTHS, strict=True)
-        )
-        self.joins = nn.ModuleList(
-            ConvBlock(before, after) for before, after in zip(WIDTHS, (*WIDTHS[1:], WIDTHS[2]), strict=True)
-        )
-        self.look = Projection(3, WIDTHS[2], 3)
+        self.features = ConvBlock(channels, WIDTH, 1)
+        bias = torch.zeros(1 + FINE)
+        bias[0] = -1.0
+        self.gates = PlanarConv(WIDTH, bias)
         self.stem = ConvBlock(3, FINE, stride=2)
-        self.narrow = Projection(WIDTHS[2], FINE)
-        self.last = ConvBlock(2 * FINE, FINE)
-        self.logit = PlanarConv(FINE, torch.tensor([-1.0]))
 
-    def forward(self, image: Tensor, maps: list[Tensor], road: Tensor) -> tuple[Tensor, Tensor]:
-        """Finds the sky.
-
-        Args:
-            image: (B, 3, H, W).
-            maps: Of the image encoder, finest first.
-            road: (B, 1, H / 4, W / 4), the flat road's plane, which ends at the horizon.
-
-        Returns:
-            The logit (B, 1, H / 2, W / 2) float32, and features (B, 24, H / 4, W / 4).
-        """
-        small = functional.avg_pool2d(image, 4)
-        spread = small.amax(dim=1, keepdim=True) - small.amin(dim=1, keepdim=True)
-        look = self.look(torch.cat([small.mean(dim=1, keepdim=True), spread, road.to(small.dtype)], dim=1))
-        x = self.coarse(maps[3])
-        for index, (lateral, join) in enumerate(zip(self.laterals, self.joins, strict=False)):
-            x = double(x) + lateral(maps[2 - index])
-            if index == 2:
-                x = x + look
-            x = join(self.activation(x))
-        fine = self.last(torch.cat([double(self.narrow(x)), self.stem(image)], dim=1))
-        return self.logit(fine), x
+    def forward(self, image: Tensor, features: Tensor) -> Tensor:
+        """Takes (B, 3, H, W) and (B, channels, H / 4, W / 4) to the logit (B, 1, H / 2, W / 2) float32."""
+        gates = double(self.gates(self.features(features)))
+        fine = (gates[:, 1:] * self.stem(image).float()).sum(dim=1, keepdim=True)
+        logit: Tensor = gates[:, :1] + fine
+        return logit

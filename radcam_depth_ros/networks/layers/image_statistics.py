@@ -6,6 +6,16 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from radcam_depth_ros.networks.layers.blocks import LEAK
+from radcam_depth_ros.networks.layers.number_formats import InFloat32
+
+TYPICAL = (0.44, 0.16, -4.14, -4.02, -3.69, 0.05, 0.06, 0.13, -2.37, 3.76)
+SCALES = (4.67, 11.0, 0.86, 1.35, 1.44, 5.1, 6.8, 6.0, 0.83, 0.62)
+"""Of simulated frames: means of `ImageStatistics` and of log(1 + returns), and the inverse of their deviations."""
+
+HIDDEN = 16
+"""Width between the two layers of `FromStatistics`."""
+
 
 class ImageStatistics(nn.Module):
     """Measures a picture, so that a network can tell pictures that say little: black, noisy or blurred ones.
@@ -14,7 +24,6 @@ class ImageStatistics(nn.Module):
     """
 
     COUNT: Final[int] = 9
-    keeps_float32 = True
 
     def forward(self, image: Tensor) -> Tensor:
         """Takes (B, 3, H, W), 0 to 1, to (B, 9) float32.
@@ -48,3 +57,54 @@ class ImageStatistics(nn.Module):
 def _steps(grey: Tensor) -> Tensor:
     """Logarithm of the mean absolute difference of neighbours along the rows of (B, h, w)."""
     return torch.log((grey[:, :, 1:] - grey[:, :, :-1]).abs().mean(dim=(1, 2)) + 1e-3)
+
+
+class FrameStatistics(nn.Module):
+    """How far a frame's picture and number of returns are from those of simulated frames, in standard deviations.
+
+    They are scaled by constants, so that a batch of one picture trains as well as a large one.
+    """
+
+    COUNT: Final[int] = len(TYPICAL)
+    keeps_float32 = True
+    mean: Tensor
+    scale: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.measure = ImageStatistics()
+        self.register_buffer("mean", torch.tensor(TYPICAL), persistent=False)
+        self.register_buffer("scale", torch.tensor(SCALES), persistent=False)
+
+    def forward(self, image: Tensor, valid: Tensor) -> Tensor:
+        """Takes (B, 3, H, W), 0 to 1, and (B, N) bool, which returns there are, to (B, 10) float32."""
+        returns = torch.log1p(valid.float().sum(dim=1, keepdim=True))
+        return (torch.cat([self.measure(image), returns], dim=1) - self.mean) * self.scale
+
+
+class FromStatistics(InFloat32):
+    """Values that a layer adds for a whole frame: two linear layers on `FrameStatistics`, in float32.
+
+    Args:
+        bias: (width,), what it gives before training.
+    """
+
+    def __init__(self, bias: Tensor) -> None:
+        super().__init__()
+        self.hidden = Float32Linear(len(TYPICAL), HIDDEN)
+        self.activation = nn.LeakyReLU(LEAK)
+        self.last = Float32Linear(HIDDEN, len(bias))
+        with torch.no_grad():
+            self.last.weight.mul_(0.1)
+            self.last.bias.copy_(bias)
+
+    def compute(self, x: Tensor) -> Tensor:
+        """(B, 10) to (B, width)."""
+        result: Tensor = self.last(self.activation(self.hidden(x)))
+        return result
+
+
+class Float32Linear(nn.Linear):
+    """Linear layer whose weights stay in float32."""
+
+    keeps_float32 = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,8 +95,8 @@ def _camera_height_m(config: CameraConfig, share: float) -> float:
         return low + (high - low) * share
     below = (usual - low) / (high - low) if high > low else 1.0
     if share < below:
-        return low + (usual - low) * (share / below) ** (1 / _PEAK)
-    return high - (high - usual) * ((1 - share) / max(1 - below, 1e-9)) ** (1 / _PEAK)
+        return low + (usual - low) * math.pow(share / below, 1 / _PEAK)
+    return high - (high - usual) * math.pow((1 - share) / max(1 - below, 1e-9), 1 / _PEAK)
 
 
 def _radar_mounted(config: RadarConfig, share: float, y: float, yaw: float) -> RigidTransform:

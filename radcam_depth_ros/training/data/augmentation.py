@@ -18,7 +18,6 @@ from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
 from radcam_depth_ros.training.data.appearance import AppearanceConfig, develop, restyle
 from radcam_depth_ros.training.data.photometric import PhotometricConfig, perceive
 from radcam_depth_ros.training.data.samples import RADAR_VALUES, UNKNOWN_CLASS, TrainingSample
-from radcam_depth_ros.training.data.unreadable import unreadable
 from radcam_depth_ros.training.errors import TrainingError
 
 _U, _V, _DEPTH, _RCS, _SPEED, _AGE = range(RADAR_VALUES)
@@ -99,6 +98,7 @@ class AugmentationConfig:
         mirror: Probability of a left-right flip.
         focal_jitter: Largest change of the logarithm of the focal length: the image is scaled, depths are not.
         unreadable: Probability of a picture that tells little or nothing, see `unreadable`.
+        foreign: Probability of another sample's picture.
         photometric: Light and colour.
         appearance: Surfaces, air and the camera's processing.
         radar: Returns.
@@ -108,6 +108,7 @@ class AugmentationConfig:
     mirror: float
     focal_jitter: float
     unreadable: float
+    foreign: float
     photometric: PhotometricConfig
     appearance: AppearanceConfig
     radar: RadarAugmentationConfig
@@ -118,8 +119,11 @@ class AugmentationConfig:
             raise TrainingError(
                 f"mirror must be 0 to 1 and focal_jitter 0 to 0.5, got {self.mirror} and {self.focal_jitter}"
             )
-        if not 0 <= self.unreadable <= 1:
-            raise TrainingError(f"unreadable must be 0 to 1, got {self.unreadable}")
+        if min(self.unreadable, self.foreign) < 0 or self.unreadable + self.foreign > 1:
+            raise TrainingError(
+                "unreadable and foreign must be at least 0 and at most 1 together, got "
+                f"{self.unreadable} and {self.foreign}"
+            )
 
 
 def augment(
@@ -150,9 +154,7 @@ def augment(
     ground = perturb_ground(result.ground, config.ground, rng)
     result = replace(result, radar=radar, radar_source=source, ground=ground)
     image = restyle(result.image, result.depth_m, result.classes, config.appearance, look)
-    picture = develop(perceive(image, config.photometric, rng), config.appearance, look)
-    nothing = rng.spawn(1)[0]
-    return result, unreadable(picture, nothing) if nothing.random() < config.unreadable else picture
+    return result, develop(perceive(image, config.photometric, rng), config.appearance, look)
 
 
 def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -> TrainingSample:

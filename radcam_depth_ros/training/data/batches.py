@@ -22,6 +22,7 @@ from radcam_depth_ros.resampling import use_one_thread
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig, augment
 from radcam_depth_ros.training.data.order import Order, rehearsals_before
 from radcam_depth_ros.training.data.samples import RADAR_VALUES, CachedDrive, TrainingSample
+from radcam_depth_ros.training.data.unreadable import unreadable
 from radcam_depth_ros.training.errors import TrainingError
 
 POINTS_MULTIPLE = 16
@@ -40,6 +41,7 @@ class Batch:
         depth_accumulated_m: (B, 1, H, W) float32, NaN unknown, +inf sky: many scans, or the exact depth.
         depth_single_m: The same of a single scan; None where one ground truth serves as both.
         classes: (B, H, W) uint8, 255 unknown.
+        readable: (B,) bool, False where a picture was replaced by one that tells nothing of the road.
     """
 
     image: Tensor
@@ -49,6 +51,7 @@ class Batch:
     depth_accumulated_m: Tensor
     depth_single_m: Tensor | None
     classes: Tensor
+    readable: Tensor
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on a device."""
@@ -105,12 +108,17 @@ class SampleSet:
         return tuple(np.unique(np.linspace(0, len(self) - 1, min(count, len(self))).round().astype(int)).tolist())
 
 
-def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | None = None) -> Batch:
+def collate(
+    samples: Sequence[TrainingSample],
+    images: Sequence[FloatArray] | None = None,
+    readable: Sequence[bool] | None = None,
+) -> Batch:
     """Samples of one size as a batch.
 
     Args:
         samples: The samples.
         images: (H, W, 3) float32 images in their place; their own, divided by 255, by default.
+        readable: Whether each image tells anything of the road; all do by default.
     """
     if images is None:
         images = [sample.image.astype(np.float32) / np.float32(255) for sample in samples]
@@ -136,6 +144,7 @@ def collate(samples: Sequence[TrainingSample], images: Sequence[FloatArray] | No
         depth_accumulated_m=_depths([sample.depth_m for sample in samples]),
         depth_single_m=_depths(singles) if differ else None,
         classes=torch.from_numpy(np.stack([sample.classes for sample in samples])),
+        readable=torch.from_numpy(np.array([True] * len(samples) if readable is None else readable)),
     )
 
 
@@ -175,13 +184,27 @@ class BatchMaker:
 
     def make(self, position: int, count: int, size: tuple[int, int]) -> Batch:
         """The batch of the samples number `position` to `position + count`, cropped to `size` (height, width)."""
-        samples, images = [], []
+        samples, images, chances = [], [], []
         for place in range(position, position + count):
             rng = np.random.default_rng((self._seed, 1, place))
             sample, image = augment(self._sample(place), size, self._config, rng)
             samples.append(sample)
             images.append(image)
-        return collate(samples, images)
+            chances.append(rng.spawn(1)[0])
+        return collate(samples, *self._pictures(images, chances))
+
+    def _pictures(
+        self, images: list[FloatArray], chances: list[np.random.Generator]
+    ) -> tuple[list[FloatArray], list[bool]]:
+        """Replaces some pictures by ones that tell nothing, or by the next sample's; and which tell of the road."""
+        pictures, readable = list(images), [True] * len(images)
+        for index, rng in enumerate(chances):
+            chance = rng.random()
+            if chance < self._config.unreadable:
+                pictures[index], readable[index] = unreadable(images[index], rng)
+            elif chance < self._config.unreadable + self._config.foreign and len(images) > 1:
+                pictures[index], readable[index] = images[(index + 1) % len(images)], False
+        return pictures, readable
 
     def _sample(self, place: int) -> TrainingSample:
         before = rehearsals_before(place, self._share)

@@ -7,18 +7,21 @@ import numpy as np
 
 from radcam_depth_ros.frame import FloatArray
 
-KINDS = ("black", "even", "noise", "blurred", "dark", "gloomy", "washed_out", "upside_down")
+FAINT = ("blurred", "dark", "gloomy", "washed_out")
+"""Kinds that may still tell something of the road."""
+
+KINDS = ("black", "even", "noise", "upside_down", *FAINT)
 
 
-def unreadable(image: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """A picture that tells little of what is in front of the camera.
+def unreadable(image: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, bool]:
+    """A picture that tells little of what is in front of the camera, and whether it may tell anything.
 
     Args:
         image: (H, W, 3) float32, 0 to 1.
         rng: Where all randomness comes from.
 
     Returns:
-        (H, W, 3) float32, 0 to 1.
+        (H, W, 3) float32, 0 to 1; and False where nothing of the road can be seen.
     """
     kind = KINDS[int(rng.integers(len(KINDS)))]
     noise = rng.standard_normal(image.shape, np.float32)
@@ -39,4 +42,4 @@ def unreadable(image: FloatArray, rng: np.random.Generator) -> FloatArray:
     else:
         result = image[::-1]
     clipped: FloatArray = np.clip(result, 0.0, 1.0).astype(np.float32)
-    return clipped
+    return clipped, kind in FAINT

@@ -14,15 +14,25 @@ from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
+from radcam_depth_ros.training.losses.road import deviation_loss, road_loss
+from radcam_depth_ros.training.losses.truth import at_rows, without_narrow_sky
 
-GROUND_CLASSES = (0, 1)
-"""Road and sidewalk, as training ids of Cityscapes: what lies on the road's plane."""
+SKY_CLASS = 10
+"""Training id of the sky."""
 
-FARTHEST_ROAD_M = 60.0
-"""The road's correction is learned from ground up to here: farther on, one plane seldom holds."""
-
-ROAD_TOLERANCE = 0.2
-"""Difference of the logarithms up to which a pixel of unknown class is taken for ground."""
+PARTS = (
+    "association",
+    "choice",
+    "dense",
+    "log_depth",
+    "ranges",
+    "road",
+    "road_deviation",
+    "confidence",
+    "sky",
+    "geometry",
+)
+"""Losses by name, as they are logged."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,8 @@ class LossConfig:
         confidence_tolerance: The dense depth is right when it is this near to the truth, relatively.
         sky_probability: Weight of the binary cross entropy of the sky, where a network tells it.
         geometry: Weight of how much farther off than geometry's the dense depth of a frame is, where both are mixed.
+        ranges: Weight of the mean absolute error within 50 and 80 m, depths clipped to each, as they are measured.
+        road_deviation: Weight of the likelihood of the corrected road's error, by the deviation that is told.
     """
 
     association: float
@@ -71,6 +83,8 @@ class LossConfig:
     confidence_tolerance: float
     sky_probability: float
     geometry: float
+    ranges: float
+    road_deviation: float
 
     def __post_init__(self) -> None:
         weights = (
@@ -87,6 +101,8 @@ class LossConfig:
             self.association_tolerance_share,
             self.sky_probability,
             self.geometry,
+            self.ranges,
+            self.road_deviation,
         )
         if min(weights) < 0:
             raise TrainingError(f"loss weights must not be negative, got {min(weights)}")
@@ -118,7 +134,7 @@ def association_loss(association: Association, truth_m: Tensor, config: LossConf
         `positive_weight` times.
     """
     logits, depth, columns = association
-    truth = _at(truth_m, logits.shape[2])
+    truth = at_rows(truth_m, logits.shape[2])
     if columns is not None:
         index = columns.clamp(min=0).unsqueeze(2).expand(-1, -1, logits.shape[2], -1)
         truth = torch.gather(truth.expand(-1, logits.shape[1], -1, -1), 3, index)
@@ -143,7 +159,7 @@ def choice_loss(
         config: `choice_tolerance`.
         ranks: As in `association_loss`.
     """
-    truth = _at(truth_m, candidates.logits.shape[2])
+    truth = at_rows(truth_m, candidates.logits.shape[2])
     counts = ~torch.isnan(truth)
     weight = torch.where(torch.isinf(truth), config.choice_sky, 1.0) * counts
     truth = torch.log(torch.where(counts, truth, 1.0).clamp(0.1, max_depth_m))
@@ -151,57 +167,6 @@ def choice_loss(
     distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
     likelihood = torch.logsumexp(logits - distance, dim=1, keepdim=True) - torch.logsumexp(logits, dim=1, keepdim=True)
     return masked_mean(-likelihood, weight, ranks)
-
-
-def road_loss(road_m: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
-    """Mean absolute difference of the logarithms where the ground is.
-
-    That is where a pixel's class says so or, where classes are not known, where truth and road are not far apart.
-
-    Args:
-        road_m: (B, 1, h, w) metres, of the image's size or smaller by a whole factor.
-        truth_m: (B, 1, H, W) metres; NaN pixels do not count.
-        classes: (B, H, W) uint8, 255 unknown.
-        ranks: As in `association_loss`.
-    """
-    truth, stride = _at(truth_m, road_m.shape[2]), truth_m.shape[2] // road_m.shape[2]
-    label = classes[:, None, stride // 2 :: stride, stride // 2 :: stride]
-    ground = torch.zeros_like(label, dtype=torch.bool)
-    for number in GROUND_CLASSES:
-        ground |= label == number
-    counts = (truth > 0) & (truth <= FARTHEST_ROAD_M)
-    difference = (torch.log(road_m) - torch.log(torch.where(counts, truth, 1.0))).abs()
-    near = difference.detach() < ROAD_TOLERANCE
-    # A plane has no business where the ground leaves it by half: a bank, a hole, another road.
-    counts &= torch.where(label == UNKNOWN_CLASS, near, ground & (difference.detach() < 0.7))
-    return masked_mean(difference, counts, ranks)
-
-
-def _at(truth_m: Tensor, rows: int) -> Tensor:
-    """Ground truth with so many rows: one pixel stands for its cell, since depths are never blended across edges.
-
-    It is the middle one, or the nearest of the cell where that is unknown: a LiDAR knows few pixels, and none of them
-    is to be lost.
-    """
-    stride = truth_m.shape[2] // rows
-    if stride == 1:
-        return truth_m
-    middle = truth_m[:, :, stride // 2 :: stride, stride // 2 :: stride]
-    # Sky is +inf, so that what is unknown needs a number beyond it: both are finite here.
-    sky_m, unknown_m = 1e9, 2e9
-    ranked = torch.where(torch.isnan(truth_m), unknown_m, truth_m.clamp(max=sky_m))
-    nearest = -functional.max_pool2d(-ranked, stride)
-    nearest = torch.where(nearest == sky_m, torch.inf, torch.where(nearest == unknown_m, torch.nan, nearest))
-    return torch.where(torch.isnan(middle), nearest, middle)
-
-
-def without_narrow_sky(truth_m: Tensor, margin_px: int) -> Tensor:
-    """Ground truth (B, 1, H, W) whose sky within `margin_px` of a surface, along both axes, is unknown (NaN)."""
-    surface = torch.isfinite(truth_m).float()
-    side = 2 * margin_px + 1
-    near = functional.max_pool2d(surface, (1, side), 1, (0, margin_px))
-    near = functional.max_pool2d(near, (side, 1), 1, (margin_px, 0))
-    return torch.where(torch.isinf(truth_m) & (near > 0), torch.nan, truth_m)
 
 
 def dense_loss(
@@ -243,19 +208,25 @@ def confidence_loss(
     return masked_mean(entropy, in_range, ranks)
 
 
-def sky_loss(logit: Tensor, truth_m: Tensor, ranks: Ranks = ALONE) -> Tensor:
+def sky_loss(logit: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
     """Binary cross entropy of the sky; a surface counts three times, since a lost one is worse than a wall in the sky.
+
+    A sample without classes and without any sky in its truth is a LiDAR's, which never sees the sky: it does not count,
+    or a network that learns from such samples alone would forget the sky.
 
     Args:
         logit: (B, 1, h, w), smaller than the truth by a whole factor.
-        truth_m: (B, 1, H, W) metres; +inf is the sky, NaN pixels do not count.
+        truth_m: (B, 1, H, W) metres; +inf is the sky, NaN is the sky where its class says so and does not count else.
+        classes: (B, H, W) uint8, 255 unknown.
         ranks: As in `association_loss`.
     """
     stride = truth_m.shape[2] // logit.shape[2]
-    truth = truth_m[:, :, ::stride, ::stride]
-    sky = torch.isinf(truth)
+    truth, label = truth_m[:, :, ::stride, ::stride], classes[:, None, ::stride, ::stride]
+    unknown = torch.isnan(truth)
+    sky = torch.isinf(truth) | (unknown & (label == SKY_CLASS))
+    told = (sky | (label != UNKNOWN_CLASS)).flatten(1).any(dim=1).reshape(-1, 1, 1, 1)
     entropy = functional.binary_cross_entropy_with_logits(logit.float(), sky.float(), reduction="none")
-    return masked_mean(entropy, torch.where(sky, 1.0, 3.0) * ~torch.isnan(truth), ranks)
+    return masked_mean(entropy, torch.where(sky, 1.0, 3.0 * ~unknown) * told, ranks)
 
 
 def geometry_loss(dense_m: Tensor, geometry_m: Tensor, truth_m: Tensor, ranks: Ranks = ALONE) -> Tensor:
@@ -281,6 +252,23 @@ def geometry_loss(dense_m: Tensor, geometry_m: Tensor, truth_m: Tensor, ranks: R
     return masked_mean(worse, torch.ones_like(worse), ranks)
 
 
+def range_loss(dense_m: Tensor, truth_m: Tensor, ranks: Ranks = ALONE) -> Tensor:
+    """Mean absolute error of each frame within 50 and 80 m, depths clipped to each, as it is measured.
+
+    Args:
+        dense_m: (B, 1, H, W) metres.
+        truth_m: The same size; NaN and +inf do not count.
+        ranks: As in `association_loss`.
+    """
+    errors = []
+    for limit_m in (50.0, 80.0):
+        counts = (truth_m > 0) & (truth_m <= limit_m)
+        # A depth beyond the range still gets a gradient: a hundredth of it.
+        clipped = torch.where(dense_m < limit_m, dense_m, limit_m + 0.01 * (dense_m - limit_m))
+        errors.append(masked_mean((clipped - torch.where(counts, truth_m, 1.0)).abs(), counts, ranks))
+    return torch.stack(errors).mean()
+
+
 def total_loss(
     outputs: TrainOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
 ) -> tuple[Tensor, dict[str, Tensor]]:
@@ -299,9 +287,7 @@ def total_loss(
     accumulated_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
     single_m = None if batch.depth_single_m is None else without_narrow_sky(batch.depth_single_m, config.sky_margin_px)
     total = accumulated_m.new_zeros(())
-    parts = dict.fromkeys(
-        ("association", "choice", "dense", "log_depth", "road", "confidence", "sky", "geometry"), total
-    )
+    parts = dict.fromkeys(PARTS, total)
     if outputs.association is not None:
         parts["association"] = association_loss(outputs.association, accumulated_m, config, ranks)
         total = total + config.association * parts["association"]
@@ -309,7 +295,7 @@ def total_loss(
         if outputs.candidates is not None:
             parts["choice"] = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config, ranks)
         if outputs.road_m is not None:
-            parts["road"] = road_loss(outputs.road_m, accumulated_m, batch.classes, ranks)
+            parts["road"] = road_loss(outputs.road_m, accumulated_m, batch, outputs.told_m, ranks)
         dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
         parts["dense"] = single = dense_loss(dense_m, accumulated_m, max_depth_m, config, ranks)
         # Whether a part of a batch has a single scan's truth differs, but all processes must sum up as often as the
@@ -321,14 +307,35 @@ def total_loss(
         )
         if config.log_depth > 0:
             parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
+        if config.ranges > 0:
+            parts["ranges"] = range_loss(dense_m, accumulated_m, ranks)
         total = total + config.choice * parts["choice"] + config.road * parts["road"] + config.single * single
         total = total + config.accumulated * parts["dense"] + config.confidence * parts["confidence"]
-        total = total + config.log_depth * parts["log_depth"]
-        if outputs.sky_logit is not None:
-            parts["sky"] = sky_loss(outputs.sky_logit, accumulated_m, ranks)
-        if outputs.own_m is not None and outputs.geometry_m is not None:
-            truth_m = _at(accumulated_m, outputs.own_m.shape[2])
-            total = total + config.log_depth * log_depth_loss(outputs.own_m, truth_m, max_depth_m, ranks)
-            parts["geometry"] = geometry_loss(dense_m, outputs.geometry_m, accumulated_m, ranks)
-        total = total + config.sky_probability * parts["sky"] + config.geometry * parts["geometry"]
+        total = total + config.log_depth * parts["log_depth"] + config.ranges * parts["ranges"]
+        total = total + _mix_losses(parts, outputs, batch, accumulated_m, max_depth_m, config, ranks)
     return total, {name: value.detach() for name, value in parts.items()}
+
+
+def _mix_losses(
+    parts: dict[str, Tensor],
+    outputs: TrainOutputs,
+    batch: Batch,
+    accumulated_m: Tensor,
+    max_depth_m: float,
+    config: LossConfig,
+    ranks: Ranks,
+) -> Tensor:
+    """Losses of the sky, the road's deviation and the mix with geometry, weighted; each is put into `parts`."""
+    total = accumulated_m.new_zeros(())
+    if outputs.depths is None or outputs.own_m is None or outputs.geometry_m is None or outputs.sky_logit is None:
+        return total
+    parts["sky"] = sky_loss(outputs.sky_logit, accumulated_m, batch.classes, ranks)
+    truth_m = at_rows(accumulated_m, outputs.own_m.shape[2])
+    total = total + config.log_depth * log_depth_loss(outputs.own_m, truth_m, max_depth_m, ranks)
+    parts["geometry"] = geometry_loss(outputs.depths.dense.float(), outputs.geometry_m, accumulated_m, ranks)
+    if outputs.road_m is not None and outputs.road_deviation is not None:
+        parts["road_deviation"] = deviation_loss(
+            outputs.road_deviation, outputs.road_m, accumulated_m, batch.classes, ranks
+        )
+    total = total + config.sky_probability * parts["sky"] + config.geometry * parts["geometry"]
+    return total + config.road_deviation * parts["road_deviation"]

@@ -13,9 +13,10 @@ from radcam_depth_ros.networks.lircdepth import LircdepthOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.baff import confidence_loss, without_narrow_sky
+from radcam_depth_ros.training.losses.baff import confidence_loss
 from radcam_depth_ros.training.losses.masked import ALONE, halved
 from radcam_depth_ros.training.losses.rectified import RectifiedLossConfig, dense_terms, depth_loss
+from radcam_depth_ros.training.losses.truth import without_narrow_sky
 
 
 @dataclass(frozen=True)

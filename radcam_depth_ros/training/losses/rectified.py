@@ -13,9 +13,10 @@ from torch import Tensor
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.baff import log_depth_loss, without_narrow_sky
+from radcam_depth_ros.training.losses.baff import log_depth_loss
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
 from radcam_depth_ros.training.losses.smoothness import smoothness_loss
+from radcam_depth_ros.training.losses.truth import without_narrow_sky
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from radcam_depth_ros.networks.structured import StructuredOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.losses.baff import confidence_loss, without_narrow_sky
+from radcam_depth_ros.training.losses.baff import confidence_loss
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
 from radcam_depth_ros.training.losses.smoothness import smoothness_loss
+from radcam_depth_ros.training.losses.truth import without_narrow_sky
 
 _ROAD_CLASSES = tuple(
     number for number, group in enumerate(GROUP_OF_CLASS) if group == tuple(CLASS_GROUPS).index(ROAD_GROUP)

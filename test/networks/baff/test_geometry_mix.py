@@ -8,9 +8,10 @@ import torch
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks import TrainOutputs
 from radcam_depth_ros.networks.baff.geometry_mix import PLANES, GeometryMix
+from radcam_depth_ros.networks.baff.ground_refinement import RoadVotes
 from radcam_depth_ros.networks.baff.network import Baff
-from radcam_depth_ros.networks.baff.sky import WIDTHS, SkyHead
-from radcam_depth_ros.networks.layers.image_statistics import ImageStatistics
+from radcam_depth_ros.networks.baff.sky import SkyHead
+from radcam_depth_ros.networks.layers.image_statistics import TYPICAL, FrameStatistics, ImageStatistics
 from radcam_depth_ros.networks.migration import completed
 
 SMALL = {"channels": [8, 8, 8, 8]}
@@ -38,8 +39,8 @@ def test_the_depth_lies_between_the_networks_and_geometrys() -> None:
         mix.head.weight.normal_(std=1.0, generator=generator)
     depth, geometry = torch.rand(2, 1, 1, 16, 24, generator=generator)
     features = torch.rand(1, 8, 8, 12, generator=generator)
-    sky, planes = torch.rand(1, WIDTHS[2], 8, 12), torch.rand(1, PLANES - 3, 8, 12)
-    mixed, confidence = mix(torch.rand(1, 3, 32, 48), torch.tensor([[5]]), features, sky, planes, depth, geometry)
+    planes, statistics = torch.rand(1, PLANES - 3, 8, 12), torch.rand(1, FrameStatistics.COUNT)
+    mixed, confidence = mix(statistics, features, planes, depth, torch.zeros_like(depth), geometry)
     low, high = torch.minimum(depth, geometry), torch.maximum(depth, geometry)
     assert ((mixed >= low - 1e-6) & (mixed <= high + 1e-6)).all()
     assert (mixed != depth).any()
@@ -63,19 +64,53 @@ def test_a_told_road_is_used_to_the_digit_and_an_assumed_one_is_corrected() -> N
     with torch.no_grad():
         network.road.votes.weight.normal_(std=0.3)
     maps = [torch.randn(1, 8, 16 >> level, 24 >> level) for level in range(4)]
-    used, seen = network._roads(maps, TOLD)
-    assert torch.equal(used, TOLD)
-    assert not torch.equal(seen, TOLD)
+    image, statistics = torch.rand(1, 3, 64, 96), torch.zeros(1, FrameStatistics.COUNT)
+    roads = network._roads(maps, TOLD, statistics, image)
+    assert torch.equal(roads.used, roads.told)
+    assert not torch.equal(roads.seen, roads.told)
     assumed = TOLD * torch.tensor([1.0, 1.0, 1.0, 0.0])
-    used, seen = network._roads(maps, assumed)
-    assert torch.equal(used, seen)
+    roads = network._roads(maps, assumed, statistics, image)
+    assert torch.equal(roads.used, roads.seen)
+    assert not torch.equal(roads.used, roads.told)
+
+
+def test_votes_that_abstain_leave_the_road_and_make_it_uncertain() -> None:
+    torch.manual_seed(0)
+    votes = RoadVotes((8, 8, 8, 8), True).eval()
+    with torch.no_grad():
+        votes.votes.weight.normal_(std=0.3)
+    maps = [torch.randn(1, 8, 16 >> level, 24 >> level) for level in range(4)]
+    statistics, road_m = torch.zeros(1, FrameStatistics.COUNT), torch.full((1, 1, 8, 12), 10.0)
+    heard, covariance = votes(maps, TOLD, statistics)
+    certain = votes.deviation(covariance, TOLD, road_m, 8.0)
+    assert votes.gate is not None
+    with torch.no_grad():
+        votes.gate.last.bias.fill_(-30.0)
+    silent, covariance = votes(maps, TOLD, statistics)
+    uncertain = votes.deviation(covariance, TOLD, road_m, 8.0)
+    assert (heard - TOLD).abs().max() > 1e-6
+    torch.testing.assert_close(silent, TOLD)
+    assert (uncertain > certain).all()
+    assert (covariance == covariance.transpose(1, 2)).all()
+
+
+def test_a_corrected_roads_deviation_is_that_of_its_samples() -> None:
+    """Errors of the three coefficients, drawn by the covariance, make errors of depth of the deviation that is told."""
+    votes = RoadVotes((8, 8, 8, 8), True).eval()
+    root = 0.02 * torch.tensor([[1.0, 0.0, 0.0], [0.3, 0.8, 0.0], [-0.5, 0.2, 1.2]])
+    rows, columns = 4, 6
+    inverse = (TOLD[0, 1] * (100.0 + 8.0 * torch.arange(rows))).reshape(1, 1, -1, 1).expand(1, 1, rows, columns)
+    told = votes.deviation((root @ root.T).unsqueeze(0), TOLD, 1.0 / inverse, 8.0)
+    drawn = torch.randn(20000, 3, generator=torch.Generator().manual_seed(0)) @ root.T
+    x, y = votes._places(columns, torch.device("cpu"), 8.0), votes._places(rows, torch.device("cpu"), 8.0)
+    moved = drawn[:, 0, None, None] * x + drawn[:, 1, None, None] * y[:, None] + drawn[:, 2, None, None]
+    observed = (votes.vote_rows * TOLD[0, 1] * moved / inverse[0]).std(dim=0)
+    torch.testing.assert_close(observed, told[0, 0], rtol=0.03, atol=0)
 
 
 def test_the_sky_has_half_the_size_and_is_a_probability() -> None:
-    head = SkyHead((8, 8, 8, 8)).eval()
-    maps = [torch.randn(1, 8, 16 >> level, 24 >> level) for level in range(4)]
-    logit, features = head(torch.rand(1, 3, 64, 96), maps, torch.rand(1, 1, 16, 24))
-    assert (logit.shape, features.shape) == ((1, 1, 32, 48), (1, WIDTHS[2], 16, 24))
+    logit = SkyHead(8).eval()(torch.rand(1, 3, 64, 96), torch.randn(1, 8, 16, 24))
+    assert (logit.shape, logit.dtype) == ((1, 1, 32, 48), torch.float32)
 
 
 def test_statistics_tell_black_from_noise() -> None:
@@ -85,6 +120,14 @@ def test_statistics_tell_black_from_noise() -> None:
     assert black.shape == (1, ImageStatistics.COUNT)
     assert (black[0, 0], black[0, 5]) == (0, 1)
     assert noise[0, 2] > black[0, 2]
+
+
+def test_statistics_of_a_usual_frame_are_small() -> None:
+    measure, valid = FrameStatistics(), torch.ones(1, 42, dtype=torch.bool)
+    assert len(TYPICAL) == FrameStatistics.COUNT == ImageStatistics.COUNT + 1
+    grey = torch.nn.functional.interpolate(torch.rand(1, 1, 8, 12), (64, 96), mode="bilinear").expand(1, 3, -1, -1)
+    usual, black = measure(grey, valid), measure(torch.zeros(1, 3, 64, 96), valid)
+    assert float(black.abs().max()) > 3 > float(usual[:, [0, 1, 9]].abs().max())
 
 
 @pytest.mark.parametrize("network", ["baff", "baseline"])

@@ -17,12 +17,13 @@ from radcam_depth_ros.training.losses.baff import (
     dense_loss,
     geometry_loss,
     log_depth_loss,
-    road_loss,
+    range_loss,
     sky_loss,
     total_loss,
-    without_narrow_sky,
 )
 from radcam_depth_ros.training.losses.registry import Criterion
+from radcam_depth_ros.training.losses.road import deviation_loss, road_loss
+from radcam_depth_ros.training.losses.truth import without_narrow_sky
 
 LOSS: LossConfig = Criterion.of("baff", {}).config
 
@@ -209,7 +210,8 @@ def batch_of(accumulated_m: torch.Tensor, single_m: torch.Tensor | None = None) 
     """Ground truth alone; classes are unknown."""
     nothing = torch.empty(0)
     classes = torch.full((1, *accumulated_m.shape[2:]), 255, dtype=torch.uint8)
-    return Batch(nothing, nothing, nothing, nothing, accumulated_m, single_m, classes)
+    readable = torch.ones(len(accumulated_m), dtype=torch.bool)
+    return Batch(nothing, nothing, nothing, nothing, accumulated_m, single_m, classes, readable)
 
 
 CONFIG = replace(LOSS, accumulated=1.0, single=1.0, log_depth=0.0, confidence=0.25, positive_weight=1.0)
@@ -239,11 +241,43 @@ def test_the_road_is_judged_on_the_ground() -> None:
     road = torch.tensor([[[[11.0, 11.0, 11.0, 11.0, 95.0, 10.0]]]])
     building = 2
     classes = torch.tensor([[[0, 1, building, 0, 0, 0]]], dtype=torch.uint8)
-    assert float(road_loss(road, truth, classes)) == pytest.approx(math.log(1.1), rel=1e-5)
+    batch = replace(batch_of(truth), classes=classes)
+    assert float(road_loss(road, truth, batch, None)) == pytest.approx(math.log(1.1), rel=1e-5)
     # Of unknown classes, what is not far from the road is taken for it.
-    unknown = torch.full_like(classes, 255)
-    assert float(road_loss(road, truth, unknown)) == pytest.approx(math.log(1.1), rel=1e-5)
-    assert float(road_loss(3 * road, truth, unknown)) == 0
+    batch = replace(batch, classes=torch.full_like(classes, 255))
+    assert float(road_loss(road, truth, batch, None)) == pytest.approx(math.log(1.1), rel=1e-5)
+    assert float(road_loss(3 * road, truth, batch, None)) == 0
+
+
+def test_the_road_as_told_is_the_truth_on_a_picture_that_tells_nothing() -> None:
+    truth = torch.full((2, 1, 2, 2), 10.0)
+    road, told = torch.full((2, 1, 2, 2), 12.0), torch.full((2, 1, 2, 2), 15.0)
+    batch = replace(batch_of(truth), classes=torch.zeros(2, 2, 2, dtype=torch.uint8))
+    batch = replace(batch, readable=torch.tensor([True, False]))
+    expected = (math.log(1.2) + math.log(1.25)) / 2
+    assert float(road_loss(road, truth, batch, told)) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_roads_deviation_is_likeliest_at_its_error() -> None:
+    truth = torch.full((1, 1, 2, 2), 10.0)
+    road = torch.full((1, 1, 2, 2), 11.0).requires_grad_()
+    classes = torch.zeros(1, 2, 2, dtype=torch.uint8)
+    right = 2**0.5 * math.log(1.1)
+    losses = [
+        float(deviation_loss(torch.full((1, 1, 2, 2), factor * right), road, truth, classes))
+        for factor in (0.5, 0.9, 1.0, 1.1, 2.0)
+    ]
+    assert min(losses) == losses[2]
+    assert losses[0] > losses[1]
+    assert losses[4] > losses[3]
+
+
+def test_errors_are_counted_as_they_are_measured() -> None:
+    truth = torch.tensor([[[[10.0, 60.0, NAN, INF, 90.0]]]])
+    dense = torch.tensor([[[[12.0, 70.0, 5.0, 5.0, 5.0]]]])
+    assert float(range_loss(dense, truth)) == pytest.approx((2 + (2 + 10) / 2) / 2)
+    beyond = torch.tensor([[[[100.0, 100.0, 5.0, 5.0, 5.0]]]])
+    assert float(range_loss(beyond, truth)) == pytest.approx((40.5 + (70.2 + 20.2) / 2) / 2)
 
 
 @pytest.mark.parametrize(
@@ -258,7 +292,17 @@ def test_a_lost_surface_costs_three_times_a_wall_in_the_sky() -> None:
     truth = torch.tensor([[[[INF, 10.0], [NAN, INF]]]]).repeat_interleave(2, 2).repeat_interleave(2, 3)
     logit = torch.tensor([[[[2.0, 2.0], [9.0, -1.0]]]])
     expected = (entropy(2.0, True) + 3 * entropy(2.0, False) + entropy(-1.0, True)) / 5
-    assert float(sky_loss(logit, truth)) == pytest.approx(expected, rel=1e-6)
+    classes = torch.full((1, 4, 4), 2, dtype=torch.uint8)
+    assert float(sky_loss(logit, truth, classes)) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_scan_which_never_sees_the_sky_says_nothing_about_it() -> None:
+    scan, unknown = torch.tensor([[[[10.0, NAN], [NAN, 20.0]]]]), torch.full((1, 2, 2), 255, dtype=torch.uint8)
+    logit = torch.full((1, 1, 2, 2), 3.0)
+    assert float(sky_loss(logit, scan, unknown)) == 0
+    labelled = torch.tensor([[[2, 10], [255, 2]]], dtype=torch.uint8)
+    expected = (2 * 3 * entropy(3.0, False) + entropy(3.0, True)) / 7
+    assert float(sky_loss(logit, scan, labelled)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_only_a_frame_that_is_worse_than_geometry_costs() -> None:

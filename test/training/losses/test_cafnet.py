@@ -41,6 +41,7 @@ def make_batch(truth: Tensor, *returns: tuple[float, float, float]) -> Batch:
         depth_accumulated_m=truth,
         depth_single_m=None,
         classes=torch.full((count, height, width), 255, dtype=torch.uint8),
+        readable=torch.ones(count, dtype=torch.bool),
     )
 
 

@@ -37,6 +37,7 @@ def make_batch(truth: Tensor, single: Tensor | None = None) -> Batch:
         depth_accumulated_m=truth,
         depth_single_m=single,
         classes=torch.full((count, height, width), 255, dtype=torch.uint8),
+        readable=torch.ones(count, dtype=torch.bool),
     )
 
 

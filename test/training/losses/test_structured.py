@@ -59,7 +59,9 @@ def random_batch(count: int, height: int = 32, width: int = 64) -> tuple[Structu
     )
     image = torch.rand(count, 3, height, width, generator=generator)
     nothing = torch.zeros(count, 0)
-    return outputs, Batch(image, nothing, nothing, nothing, truth, None, classes)
+    return outputs, Batch(
+        image, nothing, nothing, nothing, truth, None, classes, torch.ones(len(truth), dtype=torch.bool)
+    )
 
 
 def take(outputs: StructuredOutputs, batch: Batch, index: list[int]) -> tuple[StructuredOutputs, Batch]:
