@@ -49,7 +49,7 @@ def main() -> None:
     rows = []
     for threshold in track(options.thresholds, "evaluating"):
         network = adjusted(loaded, threshold=threshold)
-        rows.append({"threshold": threshold, **dataclasses.asdict(validate(network, chosen, precision))})
+        rows.append({"threshold": threshold, **dataclasses.asdict(validate(network, chosen, precision)[0])})
     if options.json:
         write_json({"model": str(options.model), "frames": len(chosen), "rows": rows}, options.json)
     if options.json == "-":

@@ -134,7 +134,7 @@ def _parameter_file(head: str, sections: dict[str, tuple[str, ...]], tail: str =
             spec = BY_NAME[name]
             text = ("[live] " if spec.info.is_live else "") + _details(spec)
             lines += textwrap.wrap(text, LINE, initial_indent="    # ", subsequent_indent="    # ", **_WHOLE_WORDS)
-            lines.append(f"    {name}: {_yaml(spec.default)}")
+            lines.append(f"    # {name}: (unset)" if spec.default is None else f"    {name}: {_yaml(spec.default)}")
         parts.append("\n".join(lines) + "\n")
     return f"# Written {BY}.\n{head}{SECTION}" + "\n".join((*parts, *((tail,) if tail else ())))
 
@@ -149,7 +149,8 @@ def _parameter_page() -> str:
         for name in names:
             spec = BY_NAME[name]
             meaning = _details(spec).replace("<", "&lt;").replace("|", "\\|")
-            page += f"| `{name}` | `{_yaml(spec.default)}` | {'yes' if spec.info.is_live else ''} | {meaning} |\n"
+            default = "unset" if spec.default is None else f"`{_yaml(spec.default)}`"
+            page += f"| `{name}` | {default} | {'yes' if spec.info.is_live else ''} | {meaning} |\n"
     return page
 
 

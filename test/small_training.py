@@ -34,12 +34,14 @@ class MiniatureConfig:
     focal_length_px: float = 630.0
     min_depth_m: float = 1.0
     max_depth_m: float = 100.0
+    calibration: tuple[float, float] = (1.0, 0.0)
 
 
 class Miniature(Network):
     """Two convolutions, and one logit a pixel that all returns share: quick, and with all that training asks for."""
 
     config_type = MiniatureConfig
+    adjustable = ("calibration",)
     trained_like = "baff"
 
     def __init__(self, config: MiniatureConfig) -> None:

@@ -14,6 +14,7 @@ from radcam_depth_ros.encoder import OUTPUTS, Encoder, EncoderError, OutputConfi
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import DepthResult, Frame, RadarReturns, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilder, FrameBuilderConfig, FrameBuilderError
+from radcam_depth_ros.geometry import ground_coefficients
 from radcam_depth_ros.messages import (
     StampedTransform,
     decode_classes,
@@ -139,6 +140,22 @@ def test_extrinsics_and_height_by_parameter(estimator: Estimator) -> None:
     np.testing.assert_allclose(frame.radar.xyz_m, CAMERA_FROM_RADAR.apply(small_returns(0)), atol=1e-5)
     assert frame.ground.height_m == 1.4
     assert frame.ground.up[2] == pytest.approx(-np.sin(np.radians(2)))
+    assert frame.ground.is_assumed, "the roll is not told"
+
+
+@pytest.mark.parametrize(
+    ("tilt", "is_assumed"),
+    [((None, None), True), ((1.0, None), True), ((None, 0.0), True), ((0.0, 0.0), False), ((-1.0, 2.0), False)],
+)
+def test_a_road_is_told_once_height_pitch_and_roll_are(
+    estimator: Estimator, tilt: tuple[float | None, float | None], is_assumed: bool
+) -> None:
+    numbers = (*CAMERA_FROM_RADAR.translation, *CAMERA_FROM_RADAR.quaternion)
+    config = replace(CONFIG, camera_from_radar=numbers, camera_height_m=1.4)
+    config = replace(config, camera_pitch_deg=tilt[0], camera_roll_deg=tilt[1])
+    (frame,) = feed(make(estimator, config), 0)
+    assert (frame.ground.height_m, frame.ground.is_assumed) == (1.4, is_assumed)
+    assert ground_coefficients(frame.ground, frame.camera)[3] == (0.0 if is_assumed else 1.0)
 
 
 def test_the_road_comes_from_the_footprint_frame(estimator: Estimator) -> None:

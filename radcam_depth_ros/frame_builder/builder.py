@@ -327,10 +327,14 @@ class FrameBuilder:
         return GroundPlane()
 
 
-def level_ground(height_m: float, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> GroundPlane:
-    """The flat road under a camera at a height, looking down by the pitch and leaning to its right by the roll."""
-    pitch, roll = math.radians(pitch_deg), math.radians(roll_deg)
+def level_ground(height_m: float, pitch_deg: float | None = None, roll_deg: float | None = None) -> GroundPlane:
+    """The flat road under a camera at a height, looking down by the pitch and leaning to its right by the roll.
+
+    Where one of both is None it is taken for 0, and the road for assumed.
+    """
+    pitch, roll = math.radians(pitch_deg or 0.0), math.radians(roll_deg or 0.0)
     return GroundPlane(
         height_m,
         (-math.sin(roll) * math.cos(pitch), -math.cos(roll) * math.cos(pitch), -math.sin(pitch)),
+        is_assumed=pitch_deg is None or roll_deg is None,
     )

@@ -80,11 +80,21 @@ class FrameBuilderConfig:
         20.0,
         live=True,
     )
-    camera_pitch_deg: float = setting(
-        0.0, "Downward pitch of the camera in degrees, with camera_height_m.", -90.0, 90.0, live=True
+    camera_pitch_deg: float | None = setting(
+        None,
+        "Downward pitch of the camera in degrees, with camera_height_m. Unset, 0 is assumed, which the network "
+        "corrects by what it sees.",
+        -90.0,
+        90.0,
+        live=True,
     )
-    camera_roll_deg: float = setting(
-        0.0, "Roll of the camera to its right in degrees, with camera_height_m.", -180.0, 180.0, live=True
+    camera_roll_deg: float | None = setting(
+        None,
+        "Roll of the camera to its right in degrees, with camera_height_m. Unset, 0 is assumed, which the network "
+        "corrects by what it sees.",
+        -180.0,
+        180.0,
+        live=True,
     )
     radar_motion_compensation: bool = setting(
         False,

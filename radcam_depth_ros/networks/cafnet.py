@@ -11,6 +11,7 @@ from torch.nn import functional
 from radcam_depth_ros.networks.config import NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import Depths, SinglePass
+from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.ground import GroundPrior
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import Patches, around, check_patch, covered
@@ -163,11 +164,15 @@ class Cafnet(SinglePass):
         ("decoder", "decoder"),
     )
     backbones = ("image_encoder",)
-    adjustable = ("threshold",)
+    adjustable = (
+        "threshold",
+        "calibration",
+    )
     paper = MappingProxyType({"ground_prior": False})
 
     def __init__(self, config: CafnetConfig) -> None:
         super().__init__(config)
+        self.calibrated = CalibratedConfidence(config.calibration)
         self.threshold = config.threshold
         self.patch_px = config.patch_px
         self.min_depth_m = config.min_depth_m
@@ -214,7 +219,7 @@ class Cafnet(SinglePass):
         found = covered(patches, height, width) & (confidence > self.threshold)
         semi_dense = torch.where(found, coarse_m, torch.full_like(coarse_m, float("nan")))
         features = DistillationFeatures(maps, gated, decoded, inter_depth_m)
-        depths = Depths(dense, semi_dense, confidence)
+        depths = Depths(dense, semi_dense, self.calibrated(logit))
         return CafnetOutputs(depths, coarse_m, logit, patches, features)
 
     def _depth(self, logit: Tensor) -> Tensor:

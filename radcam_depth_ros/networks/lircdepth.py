@@ -12,6 +12,7 @@ from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_caution
+from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.ground import GroundPrior
 from radcam_depth_ros.networks.layers.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
@@ -184,13 +185,14 @@ class Lircdepth(SinglePass):
         ("confidence", "confidence"),
     )
     backbones = ("image_encoder",)
-    adjustable = ("threshold", "patch_px", "tolerance", "caution")
+    adjustable = ("threshold", "calibration", "patch_px", "tolerance", "caution")
     paper = MappingProxyType({"ground_prior": False, "caution": 0.0})
     mean: Tensor
     deviation: Tensor
 
     def __init__(self, config: LircdepthConfig) -> None:
         super().__init__(config)
+        self.calibrated = CalibratedConfidence(config.calibration)
         self.threshold = config.threshold
         self.patch_px = config.patch_px
         self.tolerance = config.tolerance
@@ -232,4 +234,4 @@ class Lircdepth(SinglePass):
             dense = self.cautious(dense, logit, radar, valid, ground)
         inter_depth_m = [self.max_depth_m * share for share in shares]
         features = DistillationFeatures(seen, returned, decoded, inter_depth_m)
-        return LircdepthOutputs(Depths(dense, semi_dense, confidence), logit, features)
+        return LircdepthOutputs(Depths(dense, semi_dense, self.calibrated(logit)), logit, features)

@@ -15,6 +15,7 @@ from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES, GROUP_OF_CLASS
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_caution
+from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.ground import GroundPrior
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, draw_nearest, plane_to_depth
@@ -140,7 +141,7 @@ class Structured(SinglePass):
         ("confidence", "confidence"),
     )
     backbones = ("image_encoder",)
-    adjustable = ("threshold", "caution")
+    adjustable = ("threshold", "calibration", "caution")
     paper = MappingProxyType(
         {"fusion": "seg", "backbone": "resnet34", "joined_channels": 256, "ground_prior": False, "caution": 0.0}
     )
@@ -153,6 +154,7 @@ class Structured(SinglePass):
 
     def __init__(self, config: StructuredConfig) -> None:
         super().__init__(config)
+        self.calibrated = CalibratedConfidence(config.calibration)
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
@@ -221,7 +223,7 @@ class Structured(SinglePass):
             dense = self.cautious(dense, confidence_logit, radar, valid, ground)
         if classes is not None:
             classes = classes.to(torch.uint8)
-        depths = Depths(dense, semi_dense, confidence, classes, sky)
+        depths = Depths(dense, semi_dense, self.calibrated(confidence_logit), classes, sky)
         return StructuredOutputs(depths, confidence_logit, coarse, is_reached, class_logits)
 
     def _fused(self, results: list[Tensor], classes: Tensor | None, ground: Tensor) -> Tensor:

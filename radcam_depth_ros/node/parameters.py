@@ -96,8 +96,8 @@ class Parameters:
                 value = spec.convert(given)
             except ParameterError as error:
                 self._refused[spec.name] = str(error)
-        if value == () and spec.kind is ParameterKind.DOUBLE_ARRAY:
-            # rclpy takes an empty list for one of bytes; declared by its type, it has no value.
+        if value is None or (value == () and spec.kind is ParameterKind.DOUBLE_ARRAY):
+            # Declared by its type, it has no value; rclpy takes an empty list for one of bytes.
             self._node.declare_parameter(spec.name, TYPES[spec.kind], describe(spec), ignore_override=True)
             return
         if isinstance(value, tuple):

@@ -39,7 +39,7 @@ class ParameterSpec:
 
     @property
     def default(self) -> Any:
-        """The field's default."""
+        """The field's default; None where it may be left unset."""
         return _field(self.path)[0]
 
     @property
@@ -63,6 +63,8 @@ class ParameterSpec:
         Raises:
             ParameterError: for a value of another type, out of range, or not among the choices.
         """
+        if value is None and self.default is None:
+            return None
         if self.is_for_each_radar and isinstance(value, Iterable) and not isinstance(value, str):
             # An empty list says nothing.
             return tuple(self._convert_one(item) for item in value) or self.default
@@ -127,6 +129,7 @@ _KINDS: dict[Any, ParameterKind] = {
     str: ParameterKind.STRING,
     tuple[float, ...]: ParameterKind.DOUBLE_ARRAY,
     tuple[str, ...]: ParameterKind.STRING_ARRAY,
+    float | None: ParameterKind.DOUBLE,
     float | tuple[float, ...]: ParameterKind.DOUBLE,
     str | tuple[str, ...]: ParameterKind.STRING,
 }

@@ -5,10 +5,10 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import torch
@@ -16,6 +16,7 @@ from torch.nn.utils import clip_grad_norm_
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training.calibration import platt_scaling
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
 from radcam_depth_ros.training.data.batches import Batch, BatchMaker, SampleSet, prefetch
@@ -28,7 +29,7 @@ from radcam_depth_ros.training.initial import Sources, blend, load_backbones, lo
 from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.observer import Observer, StepReport, ValidationReport
 from radcam_depth_ros.training.optimiser import optimiser_of
-from radcam_depth_ros.training.page import panels_of, write_page
+from radcam_depth_ros.training.page import first_middle_last, panels_of, write_page
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
 from radcam_depth_ros.training.teacher import Teacher
@@ -295,8 +296,11 @@ class Trainer:
 
     def _validate(self) -> None:
         network = self.judged()
-        result = validate(network, self._validation, self._precision, self._ranks)
-        known = validate(network, self._rehearsal, self._precision, self._ranks) if self._rehearsal else None
+        result, counts = validate(network, self._validation, self._precision, self._ranks)
+        kinds, known = [counts], None
+        if self._rehearsal:
+            known, counts = validate(network, self._rehearsal, self._precision, self._ranks)
+            kinds.append(counts)
         if known is not None and math.isinf(self.state.known_m):
             self.state.known_m = known.mae_80_m
         limit_m = (1 + self._config.rehearsal.tolerance) * self.state.known_m
@@ -310,15 +314,16 @@ class Trainer:
         if is_best:
             self.state.best_score, self.state.best_step, self.state.worse = result.mae_80_m, self.state.step, 0
             if self._ranks.is_first:
-                archive.save(network, self._card(result, known), self.archive_path)
+                calibration = platt_scaling(kinds, network.config.calibration)
+                archive.save(network, self._card(result, known, calibration), self.archive_path)
         if self._ranks.is_first:
             self._write_page(network)
         self._observer.on_validation(ValidationReport(self.state.step, result, known, is_best))
 
     def _write_page(self, network: networks.Network) -> None:
         state, config = self.state, self._config
-        shown = {f"validation frame {index}": sample for index, sample in _few(self._validation)}
-        shown |= {f"rehearsed frame {index}": sample for index, sample in _few(self._rehearsal)[:1]}
+        shown = {f"validation frame {index}": sample for index, sample in first_middle_last(self._validation)}
+        shown |= {f"rehearsed frame {index}": sample for index, sample in first_middle_last(self._rehearsal)[:1]}
         facts = (
             ("network", self._name),
             ("data", self._data.description),
@@ -331,7 +336,9 @@ class Trainer:
         title = f"{self._name}: {self._folder.name}"
         write_page(self._folder / PAGE, title, facts, read_metrics(self._folder / METRICS), panels)
 
-    def _card(self, result: ValidationResult, known: ValidationResult | None) -> archive.Card:
+    def _card(
+        self, result: ValidationResult, known: ValidationResult | None, calibration: tuple[float, float]
+    ) -> archive.Card:
         length = f"{self.state.step} iterations, {self.state.position} samples, seed {self._config.seed}"
         results = {"validation": asdict(result), "rehearsal": asdict(known) if known else {}}
         metrics = {
@@ -340,7 +347,9 @@ class Trainer:
             for name, value in values.items()
             if math.isfinite(value)
         }
-        return archive.Card.of(self.network, self._name, f"{self._data.description}; {length}", metrics)
+        card = archive.Card.of(self.network, self._name, f"{self._data.description}; {length}", metrics)
+        calibrated = {"calibration": [round(value, 4) for value in calibration]}
+        return replace(card, architecture={**card.architecture, **calibrated})
 
     def _record(self, kind: str, values: dict[str, float]) -> None:
         if self._ranks.is_first:
@@ -377,11 +386,6 @@ def _spread(samples: SampleSet | None, count: int) -> list[TrainingSample]:
             "--validation-bags"
         )
     return chosen
-
-
-def _few(samples: Sequence[TrainingSample]) -> list[tuple[int, TrainingSample]]:
-    """First, middle and last sample, with their numbers."""
-    return [(index, samples[index]) for index in sorted({0, len(samples) // 2, len(samples) - 1}) if samples]
 
 
 def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -> None:

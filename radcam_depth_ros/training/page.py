@@ -106,3 +106,8 @@ def _curve(metrics: Metrics, kind: str, column: str, name: str) -> Curve | None:
     points = [(line["step"], line.get(column)) for line in metrics if line["kind"] == kind]
     x, y = [step for step, _ in points], [math.nan if value is None else float(value) for _, value in points]
     return None if all(math.isnan(value) for value in y) else Curve(name, x, y, is_dashed=kind == "rehearsal")
+
+
+def first_middle_last(samples: Sequence[TrainingSample]) -> list[tuple[int, TrainingSample]]:
+    """First, middle and last sample, with their numbers."""
+    return [(index, samples[index]) for index in sorted({0, len(samples) // 2, len(samples) - 1}) if samples]

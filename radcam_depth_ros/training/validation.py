@@ -10,10 +10,15 @@ import torch
 
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.networks import Network
+from radcam_depth_ros.training.calibration import LogitCounts
 from radcam_depth_ros.training.data.batches import collate
 from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.precision import Precision
+
+LIMITS_M = (50.0, 80.0)
+TOLERANCE = 0.1
+"""A depth is right when it is this near to the truth, relatively: what the confidence is the probability of."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class ValidationResult:
 
 def validate(
     network: Network, samples: Sequence[TrainingSample], precision: Precision, ranks: Ranks | None = None
-) -> ValidationResult:
+) -> tuple[ValidationResult, LogitCounts]:
     """Runs a network, as a vehicle would, over whole frames.
 
     Args:
@@ -49,6 +54,9 @@ def validate(
         samples: Held-out frames, each at its full size with all its returns.
         precision: Number format and device.
         ranks: Processes that share the frames, and all get the result.
+
+    Returns:
+        Means over the frames, and how often the depth was right at each confidence.
     """
     ranks = ranks or Ranks()
     part = [
@@ -56,12 +64,14 @@ def validate(
         for sample in samples[ranks.rank :: ranks.size]
     ]
     parts = ranks.gather(part)
-    rows = [parts[index % ranks.size][index // ranks.size] for index in range(len(samples))]
+    results = [parts[index % ranks.size][index // ranks.size] for index in range(len(samples))]
+    rows = [row for row, _ in results]
     with np.errstate(invalid="ignore"):
         table = np.array(rows)
         known = np.isfinite(table)
         means = np.where(known, table, 0).sum(axis=0) / known.sum(axis=0)
-    return ValidationResult(*(float(value) for value in means))
+    counts = sum((found for _, found in results), LogitCounts.none())
+    return ValidationResult(*(float(value) for value in means)), counts
 
 
 def predict(network: Network, sample: TrainingSample, precision: Precision) -> tuple[FloatArray, ...]:
@@ -72,18 +82,20 @@ def predict(network: Network, sample: TrainingSample, precision: Precision) -> t
     return tuple(image[0, 0].float().cpu().numpy() for image in depths[:3])
 
 
-def _measure(truth: np.ndarray, dense: np.ndarray, semi_dense: np.ndarray, confidence: np.ndarray) -> list[float]:
+def _measure(
+    truth: np.ndarray, dense: np.ndarray, semi_dense: np.ndarray, confidence: np.ndarray
+) -> tuple[list[float], LogitCounts]:
     row: list[float] = []
-    for limit in (50.0, 80.0):
+    for limit in LIMITS_M:
         counts = (truth > 0) & (truth <= limit)
         error = np.clip(dense[counts], 0, limit) - truth[counts]
         row += [_mean(np.abs(error)), float(np.sqrt(_mean(error**2)))]
     covered = counts & np.isfinite(semi_dense)
     row.append(float(covered.sum() / max(counts.sum(), 1)))
     row.append(_mean(np.abs(np.clip(semi_dense[covered], 0, 80) - truth[covered])))
-    right = np.abs(dense - truth) < 0.1 * truth
+    right = np.abs(dense - truth) < TOLERANCE * truth
     row.append(_mean(confidence[counts & right]) - _mean(confidence[counts & ~right]))
-    return row
+    return row, LogitCounts.of(confidence[counts], right[counts])
 
 
 def _mean(values: np.ndarray) -> float:

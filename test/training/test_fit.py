@@ -16,6 +16,7 @@ from torch import Tensor
 from radcam_depth_ros.networks import TrainOutputs, registry
 from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.training import fit
+from radcam_depth_ros.training.calibration import LogitCounts
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
 from radcam_depth_ros.training.distributed.ranks import Ranks
@@ -257,7 +258,11 @@ def test_weights_that_have_forgotten_too_much_are_not_kept(
     first, _, _ = run(data, tmp_path / "first")
     # Errors on new and on rehearsed drives: at first; better, but too much forgotten; good; worse.
     errors = iter([3.0, 2.0, 1.0, 2.4, 1.5, 2.2, 1.6, 2.0])
-    monkeypatch.setattr(fit, "validate", lambda *_: ValidationResult(*[1.0] * 2, next(errors), *[1.0] * 4))
+
+    def _judged(*_: Any) -> tuple[ValidationResult, LogitCounts]:
+        return ValidationResult(*[1.0] * 2, next(errors), *[1.0] * 4), LogitCounts.none()
+
+    monkeypatch.setattr(fit, "validate", _judged)
     data = dataclasses.replace(data, rehearsal=data.train, rehearsal_validation=data.validation)
     config = dataclasses.replace(
         CONFIG,

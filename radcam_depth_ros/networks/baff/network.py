@@ -20,6 +20,7 @@ from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs, learns
 from radcam_depth_ros.networks.layers.blocks import QuarterEncoder
 from radcam_depth_ros.networks.layers.caution import Caution, check_caution
+from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.image_statistics import FrameStatistics
 from radcam_depth_ros.networks.layers.mobilenet import ContextEncoder
 from radcam_depth_ros.networks.layers.rasterise import (
@@ -160,12 +161,13 @@ class Baff(Network):
         ("mix with geometry", "mix"),
     )
     backbones = ("context",)
-    adjustable = ("threshold", "caution")
+    adjustable = ("threshold", "calibration", "caution")
     grows = ("geometry_mix",)
     paper_network = "baff_paper"
 
     def __init__(self, config: BaffConfig) -> None:
         super().__init__(config)
+        self.calibrated = CalibratedConfidence(config.calibration)
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
@@ -328,7 +330,7 @@ class Baff(Network):
             plane = functional.interpolate(plane, size, mode="bilinear")
             confidence_logit = functional.interpolate(confidence_logit, size, mode="bilinear")
         semi_dense = functional.interpolate(semi_dense, size, mode="nearest")
-        depths = Depths(self._depth(plane), semi_dense, torch.sigmoid(confidence_logit), None, sky)
+        depths = Depths(self._depth(plane), semi_dense, self.calibrated(confidence_logit), None, sky)
         return Decision(depths, confidence_logit, near, sky_logit)
 
     def _probability(self, best: Tensor) -> Tensor:

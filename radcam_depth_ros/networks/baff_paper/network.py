@@ -14,6 +14,7 @@ from radcam_depth_ros.networks.baff.regions import RegionAssociation, check_regi
 from radcam_depth_ros.networks.baff_paper.fusion import PaperFusion
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Association, Depths, Network, TrainOutputs, learns
+from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, plane_to_depth
 from radcam_depth_ros.networks.registry import register
 
@@ -66,11 +67,15 @@ class BaffPaper(Network):
         *(("refinement", f"fusion.refinement.up.{index}") for index in range(3)),
         ("head", "fusion.head"),
     )
-    adjustable = ("threshold",)
+    adjustable = (
+        "threshold",
+        "calibration",
+    )
     trained_like = "baff"
 
     def __init__(self, config: BaffPaperConfig) -> None:
         super().__init__(config)
+        self.calibrated = CalibratedConfidence(config.calibration)
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
@@ -105,4 +110,4 @@ class BaffPaper(Network):
         raw = self.fusion(image, known.to(image.dtype))
         dense = plane_to_depth(torch.sigmoid(raw[:, :1]), self.min_depth_m, self.max_depth_m)
         semi_dense = torch.where(associated, depth, torch.full_like(depth, float("nan")))
-        return Depths(dense, semi_dense, torch.sigmoid(raw[:, 1:])), raw[:, 1:]
+        return Depths(dense, semi_dense, self.calibrated(raw[:, 1:])), raw[:, 1:]

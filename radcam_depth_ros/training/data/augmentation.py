@@ -223,7 +223,7 @@ def mirror(sample: TrainingSample) -> TrainingSample:
         depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[:, ::-1],
         radar=radar,
         camera=replace(sample.camera, cx=last - sample.camera.cx),
-        ground=GroundPlane(sample.ground.height_m, (-up_x, up_y, up_z)),
+        ground=replace(sample.ground, up=(-up_x, up_y, up_z)),
     )
 
 
@@ -279,7 +279,9 @@ def perturb_ground(ground: GroundPlane, config: GroundAugmentationConfig, rng: n
     y, z = y * np.cos(angle) - z * np.sin(angle), y * np.sin(angle) + z * np.cos(angle)
     angle = np.deg2rad(roll * config.roll_deg)
     x, y = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)
-    return GroundPlane(ground.height_m * (1 + height * config.height_share), (float(x), float(y), float(z)))
+    return replace(
+        ground, height_m=ground.height_m * (1 + height * config.height_share), up=(float(x), float(y), float(z))
+    )
 
 
 def _clutter(

@@ -30,9 +30,10 @@ from radcam_depth_ros.training.errors import TrainingError
 
 ValueT = TypeVar("ValueT", bound=np.generic)
 
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 """Counts changes of the layout above, of how images are resampled, and of how ground truth is made: from 4 on LiDAR
-scans are moved to the images' time. A cache of another version is built again."""
+scans are moved to the images' time; from 5 on a sample says whether its road is assumed. A cache of another version is
+built again."""
 
 RADAR_VALUES = 6
 """u px, v px, depth m, rcs dBsm, radial speed m/s, age s: what networks are given, NaN where unknown."""
@@ -47,6 +48,7 @@ INDEX = np.dtype(
         ("stamp_ns", "<i8"),
         ("height_m", "<f8"),
         ("up", "<f8", 3),
+        ("is_assumed", "?"),
         ("returns", "<i4"),
         ("single_pixels", "<i4"),
         ("has_classes", "?"),
@@ -140,7 +142,7 @@ class SampleWriter:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._file = (folder / SAMPLES).open("wb")
-        self._lines: list[tuple[int, int, float, tuple[float, float, float], int, int, bool, bool]] = []
+        self._lines: list[tuple[int, int, float, tuple[float, float, float], bool, int, int, bool, bool]] = []
 
     def __enter__(self) -> SampleWriter:
         return self
@@ -163,9 +165,8 @@ class SampleWriter:
         for part in parts:
             self._file.write(np.ascontiguousarray(part).data)
         has_single = sample.depth_single_m is not None
-        self._lines.append(
-            (start, stamp_ns, ground.height_m, ground.up, len(sample.radar), len(pixels), has_classes, has_single)
-        )
+        road = (ground.height_m, ground.up, ground.is_assumed)
+        self._lines.append((start, stamp_ns, *road, len(sample.radar), len(pixels), has_classes, has_single))
 
     def finish(self, card: DriveCard) -> None:
         """Writes what describes the samples."""
@@ -238,7 +239,7 @@ class CachedDrive:
             radar=radar,
             radar_source=row.take(np.uint8, (returns,)),
             camera=camera,
-            ground=GroundPlane(float(line["height_m"]), (up_x, up_y, up_z)),
+            ground=GroundPlane(float(line["height_m"]), (up_x, up_y, up_z), bool(line["is_assumed"])),
             depth_single_m=single_m,
         )
 
