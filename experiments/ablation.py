@@ -45,8 +45,8 @@ from radcam_depth_ros.benchmarking.sections import Section, dissect
 from radcam_depth_ros.benchmarking.subject import NetworkInputs, Running, Size, Subject
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.cli.terminal.options import write_json
-from radcam_depth_ros.evaluation.classes import ClassMeans
-from radcam_depth_ros.evaluation.metrics import DepthAccumulator, DepthRange, SemiDenseAccumulator, json_number
+from radcam_depth_ros.evaluation.measures.classes import ClassMeans
+from radcam_depth_ros.evaluation.measures.metrics import DepthAccumulator, DepthRange, SemiDenseAccumulator, json_number
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.data.batches import SampleSet, collate

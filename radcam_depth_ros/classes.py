@@ -19,6 +19,9 @@ CLASS_NAMES = (
 )
 """In the order of their training ids."""
 
+WIRE = 254
+"""Value of overhead wires in class images of the simulator; no class of Cityscapes."""
+
 ROAD_GROUP = "road, people and vehicles"
 """What a driver looks at."""
 

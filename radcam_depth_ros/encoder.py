@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from radcam_depth_ros.frame import CameraModel, DepthResult, FloatArray, Frame, ImageArray, RadcamDepthError
+from radcam_depth_ros.frame import SKY_FROM, CameraModel, DepthResult, FloatArray, Frame, ImageArray, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.messages import (
     COLORMAPS,
@@ -30,8 +30,6 @@ from radcam_depth_ros.resampling import rectify, resample_image
 from radcam_depth_ros.setting import check_choices, setting
 
 SKIES = ("infinity", "none")
-SKY_FROM = 0.5
-"""Probability of the sky from which on a pixel has no depth."""
 
 
 class EncoderError(RadcamDepthError):

@@ -254,6 +254,10 @@ class Frame:
         )
 
 
+SKY_FROM = 0.5
+"""Probability of the sky from which on a pixel has no depth."""
+
+
 @dataclass(frozen=True)
 class DepthResult:
     """What an estimate gives, at the size of `camera`.

@@ -11,7 +11,7 @@ from radcam_depth_ros.benchmarking.subject import BenchmarkError, NetworkInputs
 from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.engine import Engine
 from radcam_depth_ros.estimator import Estimator
-from radcam_depth_ros.evaluation.metrics import DepthAccumulator
+from radcam_depth_ros.evaluation.measures.metrics import DepthAccumulator
 
 
 def depth_difference(engine: Engine, other: Engine, inputs: NetworkInputs) -> float:

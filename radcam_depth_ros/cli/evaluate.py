@@ -179,7 +179,7 @@ def _measure(
     """Measures the depth of all bags; EvaluationError where no frame has ground truth."""
     from radcam_depth_ros.evaluation.drive import evaluate_drives
     from radcam_depth_ros.evaluation.frames import FrameLog
-    from radcam_depth_ros.evaluation.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
     from radcam_depth_ros.evaluation.panels import PanelKeeper
 
     log, keeper = FrameLog(), PanelKeeper() if with_panels else None
@@ -209,7 +209,7 @@ def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | 
         RadcamDepthError: for a place without bags, or a bag that lacks a sensor or has no ground truth.
     """
     from radcam_depth_ros.bags import BagReader, find_bags, read_scenario
-    from radcam_depth_ros.evaluation.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
 
     bags = find_bags(places)
     names = [bag.stem if bag.is_file() else bag.name for bag in bags]

@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from radcam_depth_ros.drive import Sample, ScanSummary, ScanUse
 from radcam_depth_ros.evaluation.baselines import BASELINES, ground_nearest, radar_interpolation, without_radar
-from radcam_depth_ros.evaluation.classes import ClassMeans
-from radcam_depth_ros.evaluation.distances import DistanceAccumulator
 from radcam_depth_ros.evaluation.given import GivenAccumulator
 from radcam_depth_ros.evaluation.groups import BAG, GEOMETRY, RETURNS, SCENARIO, ComparisonMeans, GroupMeans, return_bin
-from radcam_depth_ros.evaluation.metrics import (
+from radcam_depth_ros.evaluation.measures.classes import ClassMeans
+from radcam_depth_ros.evaluation.measures.distances import DistanceAccumulator
+from radcam_depth_ros.evaluation.measures.metrics import (
     BINS,
     RANGES,
     DepthAccumulator,
@@ -27,8 +27,9 @@ from radcam_depth_ros.evaluation.metrics import (
     SemiDenseAccumulator,
     finite_shares,
 )
-from radcam_depth_ros.evaluation.reliability import ReliabilityAccumulator
-from radcam_depth_ros.evaluation.sparsification import SparsificationAccumulator
+from radcam_depth_ros.evaluation.measures.reliability import ReliabilityAccumulator
+from radcam_depth_ros.evaluation.measures.sky import SkyAccumulator
+from radcam_depth_ros.evaluation.measures.sparsification import SparsificationAccumulator
 from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation, Latency
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
 
@@ -187,7 +188,8 @@ def resize_result(result: DepthResult, frame: Frame) -> DepthResult:
         )
     images = {
         name: cv2.resize(getattr(result, name), (camera.width, camera.height), interpolation=cv2.INTER_NEAREST_EXACT)
-        for name in ("dense", "semi_dense", "confidence")
+        for name in ("dense", "semi_dense", "confidence", "sky")
+        if getattr(result, name) is not None
     }
     return dataclasses.replace(result, camera=camera, **images)
 
@@ -237,6 +239,7 @@ class _Sums:
             SparsificationAccumulator(ranges[-1]),
             ReliabilityAccumulator(ranges[-1]),
         )
+        self._sky = SkyAccumulator(ranges[-1])
         self._given = GivenAccumulator(settings.camera_height_m)
         self._frames = self._missing = 0
         self._sources: set[str] = set()
@@ -261,6 +264,7 @@ class _Sums:
             latency_s,
         )
         self._sparsification.add(result.dense, result.confidence, truth_m)
+        self._sky.add(result.dense, result.sky, truth_m, sample.classes)
         time_of_day = drive.scenario.get("time_of_day", "")
         self._reliability.add(result.dense, result.confidence, truth_m, sample.classes, time_of_day)
         if sample.classes is not None:
@@ -316,6 +320,7 @@ class _Sums:
             geometry=self._geometry.result() if GEOMETRY in self._baselines else {},
             sparsification=self._sparsification.result(),
             reliability=self._reliability.result(),
+            sky=self._sky.result(),
             clip_m=self._settings.clip_m,
             latency=latency,
             scans=ScanSummary.of(self._scans),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from radcam_depth_ros.evaluation.drive import FrameMeasures, Observation
 from radcam_depth_ros.evaluation.groups import SCENARIO
-from radcam_depth_ros.evaluation.metrics import MEASURES, RANGES
+from radcam_depth_ros.evaluation.measures.metrics import MEASURES, RANGES
 from radcam_depth_ros.evaluation.tables import BASELINE_TITLES
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.reporting.table import Table, number

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radcam_depth_ros.evaluation.baselines import known_or_assumed_ground
-from radcam_depth_ros.evaluation.metrics import json_number
+from radcam_depth_ros.evaluation.measures.metrics import json_number
 from radcam_depth_ros.frame import Frame
 from radcam_depth_ros.geometry import project
 

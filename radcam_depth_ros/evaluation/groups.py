@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.evaluation.metrics import MEASURES, RANGES, DepthMetrics, FrameMean, json_number
+from radcam_depth_ros.evaluation.measures.metrics import MEASURES, RANGES, DepthMetrics, FrameMean, json_number
 
 RETURNS, BAG = "returns", "bag"
 SCENARIO = ("weather", "time_of_day", "season", "street")

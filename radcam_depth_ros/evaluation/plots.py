@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from radcam_depth_ros.evaluation.reliability import TOLERANCE, Reliability
-from radcam_depth_ros.evaluation.sparsification import REMOVED, SparsificationCurve
+from radcam_depth_ros.evaluation.measures.reliability import TOLERANCE, Reliability
+from radcam_depth_ros.evaluation.measures.sparsification import REMOVED, SparsificationCurve
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.evaluation.tables import BASELINE_TITLES, DENSE
 from radcam_depth_ros.reporting.plot import Curve, Plot

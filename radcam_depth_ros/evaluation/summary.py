@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from radcam_depth_ros.drive import ScanSummary
-from radcam_depth_ros.evaluation.distances import STEP_M, DistanceCurve
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import Comparison, Grouping, worse_than_geometry
-from radcam_depth_ros.evaluation.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
-from radcam_depth_ros.evaluation.reliability import Reliability
-from radcam_depth_ros.evaluation.sparsification import Sparsification
+from radcam_depth_ros.evaluation.measures.distances import STEP_M, DistanceCurve
+from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
+from radcam_depth_ros.evaluation.measures.reliability import Reliability
+from radcam_depth_ros.evaluation.measures.sky import SkyMetrics
+from radcam_depth_ros.evaluation.measures.sparsification import Sparsification
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,7 @@ class Evaluation:
         geometry: The dense depth beside geometry alone, by range; empty where that was not measured.
         sparsification: Sparsification by the confidence.
         reliability: Calibration of the confidence.
+        sky: How much of the sky is told, and of what stands before it kept.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
         scans: How the LiDAR scans near the frames became ground truth.
@@ -118,6 +120,7 @@ class Evaluation:
     geometry: Mapping[str, Comparison]
     sparsification: Sparsification
     reliability: Reliability
+    sky: SkyMetrics
     clip_m: float | None
     latency: Latency
     scans: ScanSummary = field(default_factory=ScanSummary)
@@ -148,6 +151,7 @@ class Evaluation:
             **worse,
             "sparsification": self.sparsification.as_json(),
             "confidence": self.reliability.as_json(),
+            "sky": self.sky.as_json() if self.sky.pixels else None,
             "baselines": {name: self._baseline_json(name) for name in self.baselines},
             "clip_m": self.clip_m,
             "latency_ms": self.latency.as_json(),

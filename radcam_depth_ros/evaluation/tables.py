@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import BAG, MARGIN, RETURNS, SCENARIO, Group, Grouping
-from radcam_depth_ros.evaluation.metrics import DepthMetrics
-from radcam_depth_ros.evaluation.reliability import LEAST_SHARE, TOLERANCE
+from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics
+from radcam_depth_ros.evaluation.measures.reliability import LEAST_SHARE, TOLERANCE
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.reporting.table import Fact, Table, number
 
@@ -129,6 +129,20 @@ def reliability_tables(evaluation: Evaluation) -> Iterator[Table]:
     yield Table(f"Calibration of the confidence, {within}", ("", "ECE", "largest fall", "pixels %"), rows, note)
 
 
+def sky_tables(evaluation: Evaluation) -> Iterator[Table]:
+    """Shares of the sky and of surfaces that have a depth; none where no sky is known."""
+    sky = evaluation.sky
+    if not sky.pixels:
+        return
+    rows = (
+        ("sky", number(100 * sky.finite, 1)),
+        (f"surfaces within {sky.within_m:g} m", number(100 * sky.kept, 1)),
+        *((name, number(100 * value, 1)) for name, value in sky.thin.items()),
+    )
+    note = "Depth as it is published, with the sky as +Inf: none of the sky should be finite, and all of the others."
+    yield Table("Pixels with a finite depth", ("", "%"), rows, note)
+
+
 def class_tables(evaluation: Evaluation) -> Iterator[Table]:
     """The dense depth by class; none where the drives have no classes."""
     within = f"within {evaluation.dense.ranges[-1].name} m"
@@ -182,6 +196,7 @@ def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
         distance_table(evaluation),
         detail_table(evaluation),
         *reliability_tables(evaluation),
+        *sky_tables(evaluation),
         *class_tables(evaluation),
         *(group_table(evaluation, grouping) for grouping in evaluation.groupings if len(grouping.groups) > 1),
     )

@@ -16,7 +16,6 @@ from torch.nn.utils import clip_grad_norm_
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks.weights_io import archive
-from radcam_depth_ros.training.calibration import platt_scaling
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
 from radcam_depth_ros.training.data.batches import Batch, BatchMaker, SampleSet, prefetch
@@ -33,7 +32,7 @@ from radcam_depth_ros.training.page import first_middle_last, panels_of, write_p
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
 from radcam_depth_ros.training.teacher import Teacher
-from radcam_depth_ros.training.validation import ValidationResult, validate
+from radcam_depth_ros.training.validation import ValidationResult, platt_scaling, validate
 
 CHECKPOINT = "last.pt"
 METRICS = "metrics.jsonl"

@@ -19,7 +19,7 @@ from radcam_depth_ros.evaluation.baselines import (
     radar_interpolation,
     without_radar,
 )
-from radcam_depth_ros.evaluation.metrics import DepthAccumulator, DepthRange
+from radcam_depth_ros.evaluation.measures.metrics import DepthAccumulator, DepthRange
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, Frame, GroundPlane, RadarReturns
 
 CAMERA = CameraModel(80, 60, 60.0, 60.0, 39.5, 29.5)

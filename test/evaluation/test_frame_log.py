@@ -8,7 +8,7 @@ import pytest
 from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.evaluation.drive import Drive, FrameMeasures, Observation
 from radcam_depth_ros.evaluation.frames import FrameLog
-from radcam_depth_ros.evaluation.metrics import MEASURES
+from radcam_depth_ros.evaluation.measures.metrics import MEASURES
 from radcam_depth_ros.files import FileError
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, RadarReturns
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcam_depth_ros.training.calibration import LogitCounts, platt_scaling
+from radcam_depth_ros.training.validation import LogitCounts, platt_scaling
 
 
 def counted(scale: float, offset: float, seed: int = 0, pixels: int = 200_000) -> LogitCounts:

@@ -16,7 +16,6 @@ from torch import Tensor
 from radcam_depth_ros.networks import TrainOutputs, registry
 from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.training import fit
-from radcam_depth_ros.training.calibration import LogitCounts
 from radcam_depth_ros.training.curves import read_metrics
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
 from radcam_depth_ros.training.distributed.ranks import Ranks
@@ -24,7 +23,7 @@ from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
 from radcam_depth_ros.training.initial import Sources
 from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
-from radcam_depth_ros.training.validation import ValidationResult
+from radcam_depth_ros.training.validation import LogitCounts, ValidationResult
 
 
 @pytest.fixture(autouse=True)

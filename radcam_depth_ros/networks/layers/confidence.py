@@ -8,7 +8,7 @@ class CalibratedConfidence(nn.Module):
     """Platt scaling ([Platt1999]): sigmoid(scale * logit + offset).
 
     A network's own probabilities are those of its training, with disturbed pictures and roads. Scale and offset are
-    fitted on held-out drives (`training.calibration`) and stand in the card. What the network itself does with its
+    fitted on held-out drives (`training.validation`) and stand in the card. What the network itself does with its
     confidence, and what its losses see, is the logit as it was.
 
     Args:

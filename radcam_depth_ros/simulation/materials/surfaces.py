@@ -14,7 +14,7 @@ Colour = tuple[float, float, float]
 
 
 class Label(IntEnum):
-    """Cityscapes train ids, which the class image holds."""
+    """What the class image holds: Cityscapes' train ids, and two values that are no class of Cityscapes."""
 
     ROAD = 0
     SIDEWALK = 1
@@ -35,6 +35,7 @@ class Label(IntEnum):
     TRAIN = 16
     MOTORCYCLE = 17
     BICYCLE = 18
+    WIRE = 254
     IGNORE = 255
 
 

@@ -92,7 +92,7 @@ def dig_tunnel(stretch: Stretch, opens_behind: bool, opens_ahead: bool) -> None:
 
 def wires(length: float, height: float, count: int, sag: float) -> Mesh:
     """Wires along x from the origin on, side by side, that hang through in the middle."""
-    black = Material(Surface.RUBBER, Label.IGNORE, (0.03, 0.03, 0.03))
+    black = Material(Surface.RUBBER, Label.WIRE, (0.03, 0.03, 0.03))
     x = np.linspace(0, length, 9)
     z = height - sag * 4 * (x / length) * (1 - x / length)
     faces = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES
-from radcam_depth_ros.evaluation.metrics import DepthMetrics, DepthRange, FrameMean, measure_labels
+from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics, DepthRange, FrameMean, measure_labels
 from radcam_depth_ros.frame import FloatArray, ImageArray
 
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcam_depth_ros.evaluation.classes import ClassMeans
-from radcam_depth_ros.evaluation.metrics import DepthRange, measure, measure_labels
+from radcam_depth_ros.evaluation.measures.classes import ClassMeans
+from radcam_depth_ros.evaluation.measures.metrics import DepthRange, measure, measure_labels
 
 
 @settings(max_examples=30, deadline=None)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radcam_depth_ros.evaluation.metrics import absolute_error, json_number
+from radcam_depth_ros.evaluation.measures.metrics import absolute_error, json_number
 from radcam_depth_ros.frame import FloatArray
 
 STEP_M = 5.0

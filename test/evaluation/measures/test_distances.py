@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcam_depth_ros.evaluation.distances import FARTHEST_M, STEP_M, DistanceAccumulator
+from radcam_depth_ros.evaluation.measures.distances import FARTHEST_M, STEP_M, DistanceAccumulator
 
 
 def test_each_stretch_has_its_own_error():

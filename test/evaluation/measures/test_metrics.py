@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcam_depth_ros.evaluation.metrics import (
+from radcam_depth_ros.evaluation.measures.metrics import (
     BINS,
     MEASURES,
     DepthAccumulator,

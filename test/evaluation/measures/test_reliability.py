@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from radcam_depth_ros.evaluation.metrics import RANGES
-from radcam_depth_ros.evaluation.reliability import BINS, Calibration, ReliabilityAccumulator
+from radcam_depth_ros.evaluation.measures.metrics import RANGES
+from radcam_depth_ros.evaluation.measures.reliability import BINS, Calibration, ReliabilityAccumulator
 
 TRUTH_M = 20.0
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.classes import CLASS_NAMES
-from radcam_depth_ros.evaluation.metrics import DepthRange, json_number
+from radcam_depth_ros.evaluation.measures.metrics import DepthRange, json_number
 from radcam_depth_ros.frame import FloatArray, ImageArray
 
 BINS = 10

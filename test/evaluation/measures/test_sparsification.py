@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcam_depth_ros.evaluation.metrics import DepthAccumulator, DepthRange
-from radcam_depth_ros.evaluation.sparsification import REMOVED, SparsificationAccumulator, SparsificationCurve
+from radcam_depth_ros.evaluation.measures.metrics import DepthAccumulator, DepthRange
+from radcam_depth_ros.evaluation.measures.sparsification import REMOVED, SparsificationAccumulator, SparsificationCurve
 
 WITHIN_80_M = DepthRange.within(80.0)
 

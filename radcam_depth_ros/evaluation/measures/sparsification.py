@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.evaluation.metrics import DepthRange, absolute_error, json_number
+from radcam_depth_ros.evaluation.measures.metrics import DepthRange, absolute_error, json_number
 from radcam_depth_ros.frame import FloatArray
 
 REMOVED = tuple(step / 20 for step in range(20))
