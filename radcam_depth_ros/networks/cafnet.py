@@ -15,7 +15,7 @@ from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.ground import GroundPrior
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import Patches, around, check_patch, covered
-from radcam_depth_ros.networks.layers.planar_guidance import ConvElu, PlanarDecoder, UpConv
+from radcam_depth_ros.networks.layers.planar_guidance import WIDTHS, ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
 from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, Levels, ResNet
 from radcam_depth_ros.networks.layers.sparse import SparseConv
@@ -37,11 +37,13 @@ class CafnetConfig(NetworkConfig):
         patch_px: Rows and columns around a return that may belong to it, odd. The public baseline's 150 x 50 px at
             nuScenes' focal length of 1266 px are 37 x 13 px at 315 px.
         ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
+        sky: Tell the sky, by a head of its own.
     """
 
     threshold: float = 0.4
     patch_px: tuple[int, int] = (37, 13)
     ground_prior: bool = True
+    sky: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,6 +58,7 @@ class CafnetOutputs(NamedTuple):
     confidence_logit: (B, 1, H, W) float32, of the probability that a radar return belongs to a pixel.
     patches: The pixels around each return that may belong to it.
     features: For distillation; the radar's are those of stage 2, gated.
+    sky_logit: (B, 1, H, W) float32, of the sky; None where the network does not tell.
     """
 
     depths: Depths
@@ -63,6 +66,7 @@ class CafnetOutputs(NamedTuple):
     confidence_logit: Tensor
     patches: Patches
     features: DistillationFeatures
+    sky_logit: Tensor | None = None
 
 
 class RadarEncoder(Levels):
@@ -152,6 +156,7 @@ class Cafnet(SinglePass):
         "gates",
         "ground",
         "decoder",
+        "sky",
     )
     sections = (
         ("image encoder", "image_encoder"),
@@ -162,13 +167,12 @@ class Cafnet(SinglePass):
         ("radar, fine", "radar_encoder"),
         *(("gates", f"gates.{index}") for index in range(5)),
         ("decoder", "decoder"),
+        ("sky", "sky"),
     )
     backbones = ("image_encoder",)
-    adjustable = (
-        "threshold",
-        "calibration",
-    )
-    paper = MappingProxyType({"ground_prior": False})
+    adjustable = ("threshold", "calibration")
+    grows = ("sky",)
+    paper = MappingProxyType({"ground_prior": False, "sky": False})
 
     def __init__(self, config: CafnetConfig) -> None:
         super().__init__(config)
@@ -189,6 +193,7 @@ class Cafnet(SinglePass):
         prior = GroundPrior(CHANNELS[4], config.min_depth_m, config.max_depth_m)
         self.ground = prior if config.ground_prior else None
         self.decoder = PlanarDecoder(CHANNELS, config.max_depth_m, 2 if config.ground_prior else 1)
+        self.sky = Float32Conv2d(WIDTHS[-1], 1, 3, padding=1) if config.sky else None
 
     def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> CafnetOutputs:
         height, width = image.shape[2], image.shape[3]
@@ -219,8 +224,10 @@ class Cafnet(SinglePass):
         found = covered(patches, height, width) & (confidence > self.threshold)
         semi_dense = torch.where(found, coarse_m, torch.full_like(coarse_m, float("nan")))
         features = DistillationFeatures(maps, gated, decoded, inter_depth_m)
-        depths = Depths(dense, semi_dense, self.calibrated(logit))
-        return CafnetOutputs(depths, coarse_m, logit, patches, features)
+        sky_logit = None if self.sky is None else self.sky(decoded[4])
+        sky = None if sky_logit is None else torch.sigmoid(sky_logit)
+        depths = Depths(dense, semi_dense, self.calibrated(logit), None, sky)
+        return CafnetOutputs(depths, coarse_m, logit, patches, features, sky_logit)
 
     def _depth(self, logit: Tensor) -> Tensor:
         # From the nearest depth on, not from 0 as in the paper.

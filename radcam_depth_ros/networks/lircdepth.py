@@ -47,6 +47,7 @@ class LircdepthConfig(NetworkConfig):
         tolerance: How far a return's depth may be off the dense depth of such a pixel, as a share of it.
         ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
+        sky: Tell the sky, by a head of its own.
     """
 
     threshold: float = 0.5
@@ -54,6 +55,7 @@ class LircdepthConfig(NetworkConfig):
     tolerance: float = 0.1
     ground_prior: bool = True
     caution: float = 0.7
+    sky: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,11 +71,13 @@ class LircdepthOutputs(NamedTuple):
     depths: As `forward` gives them.
     confidence_logit: (B, 1, H, W) float32, of `depths.confidence`.
     features: For distillation; those of the encoders after affinity.
+    sky_logit: (B, 1, H, W) float32, of the sky; None where the network does not tell.
     """
 
     depths: Depths
     confidence_logit: Tensor
     features: DistillationFeatures
+    sky_logit: Tensor | None = None
 
 
 class Affinity(nn.Module):
@@ -175,7 +179,16 @@ class Lircdepth(SinglePass):
 
     about = "two light encoders, learns from cafnet (LiRCDepth, 2025)"
     config_type = LircdepthConfig
-    parts = ("image_encoder", "image_affinity", "radar_encoder", "radar_affinity", "ground", "decoder", "confidence")
+    parts = (
+        "image_encoder",
+        "image_affinity",
+        "radar_encoder",
+        "radar_affinity",
+        "ground",
+        "decoder",
+        "confidence",
+        "sky",
+    )
     sections = (
         ("image encoder", "image_encoder"),
         ("affinity", "image_affinity"),
@@ -183,10 +196,12 @@ class Lircdepth(SinglePass):
         ("affinity", "radar_affinity"),
         ("decoder", "decoder"),
         ("confidence", "confidence"),
+        ("sky", "sky"),
     )
     backbones = ("image_encoder",)
     adjustable = ("threshold", "calibration", "patch_px", "tolerance", "caution")
-    paper = MappingProxyType({"ground_prior": False, "caution": 0.0})
+    grows = ("sky",)
+    paper = MappingProxyType({"ground_prior": False, "caution": 0.0, "sky": False})
     mean: Tensor
     deviation: Tensor
 
@@ -210,6 +225,7 @@ class Lircdepth(SinglePass):
         self.cautious = cautious if config.caution > 0 else None
         self.decoder = Decoder(2 if config.ground_prior else 1)
         self.confidence = Float32Conv2d(FINAL_WIDTH, 1, 3, padding=1)
+        self.sky = Float32Conv2d(FINAL_WIDTH, 1, 3, padding=1) if config.sky else None
 
     def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
         height, width = image.shape[2], image.shape[3]
@@ -234,4 +250,7 @@ class Lircdepth(SinglePass):
             dense = self.cautious(dense, logit, radar, valid, ground)
         inter_depth_m = [self.max_depth_m * share for share in shares]
         features = DistillationFeatures(seen, returned, decoded, inter_depth_m)
-        return LircdepthOutputs(Depths(dense, semi_dense, self.calibrated(logit)), logit, features)
+        sky_logit = None if self.sky is None else self.sky(decoded[4])
+        sky = None if sky_logit is None else torch.sigmoid(sky_logit)
+        depths = Depths(dense, semi_dense, self.calibrated(logit), None, sky)
+        return LircdepthOutputs(depths, logit, features, sky_logit)

@@ -64,7 +64,15 @@ def migrated(network: str, architecture: Mapping[str, Any]) -> tuple[str, dict[s
     return network, values
 
 
+_WITHOUT = {
+    "baff": {"geometry_mix": False},
+    "baseline": {"geometry_mix": False},
+    "lircdepth": {"sky": False},
+    "cafnet": {"sky": False},
+}
+"""Values of keys that the cards of earlier versions lack."""
+
+
 def completed(network: str, architecture: Mapping[str, Any]) -> dict[str, Any]:
     """The architecture of a card with the keys that its version did not have, so that its depth stays as it was."""
-    without_mix = {"geometry_mix": False} if network in ("baff", "baseline") else {}
-    return {**without_mix, **architecture}
+    return {**_WITHOUT.get(network, {}), **architecture}

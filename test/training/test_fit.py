@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -249,6 +250,29 @@ def test_a_run_ends_when_nothing_gets_better(tmp_path: Path, data: TrainingData)
     again, _, watch = run(data, tmp_path / "run", config, resume=True)
     assert again.finished
     assert watch.steps == watch.validations == []
+
+
+def test_saved_weights_have_a_calibrated_confidence(tmp_path: Path, data: TrainingData) -> None:
+    result, trainer, _ = run(data, tmp_path)
+    card = archive.load(result.archive or "").card
+    assert trainer.network.config.calibration == (1.0, 0.0)
+    assert card.architecture["calibration"] != [1.0, 0.0]
+
+
+def test_rehearsed_frames_have_as_much_of_a_say_in_the_calibration_as_new_ones(
+    tmp_path: Path, data: TrainingData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts = [LogitCounts.none(), LogitCounts.none()]
+    seen: list[Any] = []
+    answers = itertools.cycle([ValidationResult(*[1.0] * 7)])
+    pairs = itertools.cycle(counts)
+    monkeypatch.setattr(fit, "validate", lambda *_: (next(answers), next(pairs)))
+    monkeypatch.setattr(fit, "platt_scaling", lambda kinds, former: seen.append(kinds) or (2.0, 0.5))
+    data = dataclasses.replace(data, rehearsal=data.train, rehearsal_validation=data.validation)
+    config = dataclasses.replace(CONFIG, rehearsal=replace(RECIPE.rehearsal, share=0.5))
+    result, _, _ = run(data, tmp_path, config)
+    assert all(kinds[0] is counts[0] and kinds[1] is counts[1] for kinds in seen)
+    assert archive.load(result.archive or "").card.architecture["calibration"] == [2.0, 0.5]
 
 
 def test_weights_that_have_forgotten_too_much_are_not_kept(

@@ -10,15 +10,12 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
 from radcam_depth_ros.training.data.batches import Batch
-from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
 from radcam_depth_ros.training.losses.road import deviation_loss, road_loss
+from radcam_depth_ros.training.losses.sky import sky_probability_loss
 from radcam_depth_ros.training.losses.truth import at_rows, without_narrow_sky
-
-SKY_CLASS = 10
-"""Training id of the sky."""
 
 PARTS = (
     "association",
@@ -208,27 +205,6 @@ def confidence_loss(
     return masked_mean(entropy, in_range, ranks)
 
 
-def sky_loss(logit: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
-    """Binary cross entropy of the sky; a surface counts three times, since a lost one is worse than a wall in the sky.
-
-    A sample without classes and without any sky in its truth is a LiDAR's, which never sees the sky: it does not count,
-    or a network that learns from such samples alone would forget the sky.
-
-    Args:
-        logit: (B, 1, h, w), smaller than the truth by a whole factor.
-        truth_m: (B, 1, H, W) metres; +inf is the sky, NaN is the sky where its class says so and does not count else.
-        classes: (B, H, W) uint8, 255 unknown.
-        ranks: As in `association_loss`.
-    """
-    stride = truth_m.shape[2] // logit.shape[2]
-    truth, label = truth_m[:, :, ::stride, ::stride], classes[:, None, ::stride, ::stride]
-    unknown = torch.isnan(truth)
-    sky = torch.isinf(truth) | (unknown & (label == SKY_CLASS))
-    told = (sky | (label != UNKNOWN_CLASS)).flatten(1).any(dim=1).reshape(-1, 1, 1, 1)
-    entropy = functional.binary_cross_entropy_with_logits(logit.float(), sky.float(), reduction="none")
-    return masked_mean(entropy, torch.where(sky, 1.0, 3.0 * ~unknown) * told, ranks)
-
-
 def geometry_loss(dense_m: Tensor, geometry_m: Tensor, truth_m: Tensor, ranks: Ranks = ALONE) -> Tensor:
     """How much farther off than geometry's the dense depth of each frame is, as a share, within 50 and 80 m.
 
@@ -329,7 +305,7 @@ def _mix_losses(
     total = accumulated_m.new_zeros(())
     if outputs.depths is None or outputs.own_m is None or outputs.geometry_m is None or outputs.sky_logit is None:
         return total
-    parts["sky"] = sky_loss(outputs.sky_logit, accumulated_m, batch.classes, ranks)
+    parts["sky"] = sky_probability_loss(outputs.sky_logit, accumulated_m, batch.classes, ranks)
     truth_m = at_rows(accumulated_m, outputs.own_m.shape[2])
     total = total + config.log_depth * log_depth_loss(outputs.own_m, truth_m, max_depth_m, ranks)
     parts["geometry"] = geometry_loss(outputs.depths.dense.float(), outputs.geometry_m, accumulated_m, ranks)

@@ -63,7 +63,7 @@ def total_loss(
     outputs: CafnetOutputs, batch: Batch, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """All losses of a batch; arguments and result as `lircdepth_losses.total_loss`."""
-    total, parts = dense_terms(outputs.depths.dense.float(), batch, max_depth_m, config, ranks)
+    total, parts = dense_terms(outputs.depths.dense.float(), outputs.sky_logit, batch, max_depth_m, config, ranks)
     accumulated_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
     if config.coarse > 0:
         parts["coarse"] = depth_loss(outputs.coarse_m.float(), accumulated_m, max_depth_m, ranks)

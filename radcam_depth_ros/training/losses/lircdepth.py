@@ -56,7 +56,7 @@ def total_loss(
         The total, and its parts before weighting, by name; the parts pass no gradient.
     """
     dense_m = outputs.depths.dense.float()
-    total, parts = dense_terms(dense_m, batch, max_depth_m, config, ranks)
+    total, parts = dense_terms(dense_m, outputs.sky_logit, batch, max_depth_m, config, ranks)
     truth_m = without_narrow_sky(batch.depth_accumulated_m, config.sky_margin_px)
     if config.inter_depth > 0:
         inter_m = outputs.features.inter_depth_m

@@ -15,6 +15,7 @@ from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.baff import log_depth_loss
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
+from radcam_depth_ros.training.losses.sky import sky_probability_loss
 from radcam_depth_ros.training.losses.smoothness import smoothness_loss
 from radcam_depth_ros.training.losses.truth import without_narrow_sky
 
@@ -29,6 +30,7 @@ class RectifiedLossConfig:
         smoothness: Weight of the smoothness.
         sky: Weight of pixels without any surface or beyond the depth range, which are drawn to the farthest depth.
         sky_margin_px: Sky this near to a surface does not count.
+        sky_probability: Weight of the binary cross entropy of the sky, where the network tells it. Not in the papers.
         log_depth: Weight of an L1 on the logarithm of the dense depth, which counts a tenth of the distance alike near
             and far. It is not in the papers.
     """
@@ -39,6 +41,7 @@ class RectifiedLossConfig:
     sky: float
     sky_margin_px: int
     log_depth: float
+    sky_probability: float
 
     def __post_init__(self) -> None:
         if min(astuple(self)) < 0:
@@ -48,12 +51,18 @@ class RectifiedLossConfig:
 
 
 def dense_terms(
-    dense_m: Tensor, batch: Batch, max_depth_m: float, config: RectifiedLossConfig, ranks: Ranks = ALONE
+    dense_m: Tensor,
+    sky_logit: Tensor | None,
+    batch: Batch,
+    max_depth_m: float,
+    config: RectifiedLossConfig,
+    ranks: Ranks = ALONE,
 ) -> tuple[Tensor, dict[str, Tensor]]:
-    """The losses of the dense depth.
+    """The losses of the dense depth and of the sky.
 
     Args:
         dense_m: (B, 1, H, W) metres.
+        sky_logit: (B, 1, H, W), where the network tells the sky.
         batch: What the network was given, with ground truth.
         max_depth_m: Farthest depth that the network gives.
         config: Weights.
@@ -78,6 +87,9 @@ def dense_terms(
     if config.log_depth > 0:
         parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
         total = total + config.log_depth * parts["log_depth"]
+    if sky_logit is not None and config.sky_probability > 0:
+        parts["sky_probability"] = sky_probability_loss(sky_logit, accumulated_m, batch.classes, ranks)
+        total = total + config.sky_probability * parts["sky_probability"]
     return total, parts
 
 

@@ -134,4 +134,5 @@ def test_statistics_of_a_usual_frame_are_small() -> None:
 def test_a_card_without_the_key_is_of_a_network_without_the_mix(network: str) -> None:
     assert completed(network, {"threshold": 0.25}) == {"geometry_mix": False, "threshold": 0.25}
     assert completed(network, {"geometry_mix": True}) == {"geometry_mix": True}
-    assert completed("lircdepth", {}) == {}
+    assert completed("lircdepth", {}) == {"sky": False}
+    assert completed("structured", {}) == {}

@@ -18,11 +18,11 @@ from radcam_depth_ros.training.losses.baff import (
     geometry_loss,
     log_depth_loss,
     range_loss,
-    sky_loss,
     total_loss,
 )
 from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.losses.road import deviation_loss, road_loss
+from radcam_depth_ros.training.losses.sky import sky_probability_loss
 from radcam_depth_ros.training.losses.truth import without_narrow_sky
 
 LOSS: LossConfig = Criterion.of("baff", {}).config
@@ -293,16 +293,16 @@ def test_a_lost_surface_costs_three_times_a_wall_in_the_sky() -> None:
     logit = torch.tensor([[[[2.0, 2.0], [9.0, -1.0]]]])
     expected = (entropy(2.0, True) + 3 * entropy(2.0, False) + entropy(-1.0, True)) / 5
     classes = torch.full((1, 4, 4), 2, dtype=torch.uint8)
-    assert float(sky_loss(logit, truth, classes)) == pytest.approx(expected, rel=1e-6)
+    assert float(sky_probability_loss(logit, truth, classes)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_scan_which_never_sees_the_sky_says_nothing_about_it() -> None:
     scan, unknown = torch.tensor([[[[10.0, NAN], [NAN, 20.0]]]]), torch.full((1, 2, 2), 255, dtype=torch.uint8)
     logit = torch.full((1, 1, 2, 2), 3.0)
-    assert float(sky_loss(logit, scan, unknown)) == 0
+    assert float(sky_probability_loss(logit, scan, unknown)) == 0
     labelled = torch.tensor([[[2, 10], [255, 2]]], dtype=torch.uint8)
     expected = (2 * 3 * entropy(3.0, False) + entropy(3.0, True)) / 7
-    assert float(sky_loss(logit, scan, labelled)) == pytest.approx(expected, rel=1e-6)
+    assert float(sky_probability_loss(logit, scan, labelled)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_only_a_frame_that_is_worse_than_geometry_costs() -> None:
