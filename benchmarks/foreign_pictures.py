@@ -216,7 +216,8 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
     bags, settings = find_bags(options.bags), DriveSettings()
-    estimator = load_estimator(EstimatorConfig(options.network, options.model, options.device, options.precision))
+    config = EstimatorConfig(options.network, options.model, device=options.device, precision=options.precision)
+    estimator = load_estimator(dataclasses.replace(config, allow_exported=True))
     images = [images_of(bag, settings) for bag in bags]
     total = len(ROWS) * sum(min(count, options.limit or count) for count in images)
     with progress_bar() as progress:

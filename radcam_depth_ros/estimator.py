@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import partial
 
@@ -40,7 +41,15 @@ class EstimatorConfig:
     model_file: str = setting(
         "",
         "Weight file in place of the network's own. It is a .safetensors file with its card beside it, or a .pt file "
-        "of radcam-depth export.",
+        "of radcam-depth export, for which allow_exported must be true.",
+    )
+    allow_exported: bool = setting(
+        False,
+        "Whether model_file may be an exported file. Its code, which is checked before, runs in the node; a "
+        ".safetensors file has none.",
+    )
+    trusted_models: tuple[str, ...] = setting(
+        (), "SHA-256 of the weight files that may be loaded, 64 hexadecimal digits each. Empty allows any file."
     )
     device: str = setting("cpu", "Device that runs the network: cpu, cuda, cuda:1 and so on.")
     precision: str = setting(
@@ -62,6 +71,9 @@ class EstimatorConfig:
 
     def __post_init__(self) -> None:
         check_choices(self, EstimatorError)
+        for entry in self.trusted_models:
+            if not re.fullmatch("[0-9a-fA-F]{64}", entry):
+                raise EstimatorError(f"trusted_models must hold SHA-256 of 64 hexadecimal digits, got {entry[:80]!r}")
         if self.threads < 0:
             raise EstimatorError(f"threads must be 0 (as many as are free) or more, got {self.threads}")
 
@@ -108,7 +120,8 @@ def radar_columns(radar: RadarReturns, camera: CameraModel, max_depth_m: float) 
 
 
 def _load(config: EstimatorConfig, loaded: Archive | None) -> tuple[Card, Engine]:
-    source = loaded or archive.load(config.model_file or config.network)
+    name = config.model_file or config.network
+    source = loaded or archive.load(name, allow_exported=config.allow_exported, trusted=config.trusted_models)
     return source.card, Engine(source.network, config.device, config.precision, threads=config.threads)
 
 

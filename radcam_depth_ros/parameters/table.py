@@ -49,7 +49,10 @@ SECTIONS = {
         "points_far_m": "output.points_far_m",
         "output_size": "estimator.output_size",
     },
-    "Network": {name: f"estimator.{name}" for name in ("network", "model_file", "device", "precision", "threads")},
+    "Network": {
+        name: f"estimator.{name}"
+        for name in ("network", "model_file", "allow_exported", "trusted_models", "device", "precision", "threads")
+    },
 }
 """ROS name to field path, in the sections of the generated files."""
 RENAMED: dict[str, str] = {}

@@ -24,7 +24,10 @@ ParamsOption = Annotated[
 ]
 OUTPUT = ("output.", "estimator.output_size")
 """Fields of the node's config that say how depth is written."""
-INFERENCE = ("estimator.model_file", "estimator.device", "estimator.precision", "estimator.threads")
+INFERENCE = (
+    *("estimator.model_file", "estimator.allow_exported", "estimator.trusted_models"),
+    *("estimator.device", "estimator.precision", "estimator.threads"),
+)
 """Fields of the node's config that say how depth is estimated, besides the network's name."""
 _QOS = "qos_overrides."
 

@@ -142,7 +142,9 @@ def estimator_parameters(
 ) -> dict[str, object]:
     """The node's parameters that options of these names stand for; None for those not given."""
     model_file = None if model is None else str(model)
-    values = {"network": network, "model_file": model_file, "device": device}
+    # Who names a file on the command line means it.
+    allow_exported = None if model is None else True
+    values = {"network": network, "model_file": model_file, "allow_exported": allow_exported, "device": device}
     return {**values, "precision": precision, "threads": threads}
 
 

@@ -5,13 +5,14 @@ All that is on the card is checked on loading, and a mismatch is refused with a 
 
 import hashlib
 import importlib.resources
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load as load_tensors
+from safetensors.torch import save_file
 from torch import Tensor
 
 from radcam_depth_ros.files import whole
@@ -29,8 +30,13 @@ def shipped(name: str) -> Path:
     return Path(str(importlib.resources.files("radcam_depth_ros"))) / "weights" / f"{name}.safetensors"
 
 
-def load(source: Path | str) -> Archive:
+def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[str] = ()) -> Archive:
     """Loads a network by name (its shipped weights) or by file (`.safetensors` with its card beside, or an export).
+
+    Args:
+        source: A network's name, or a file.
+        allow_exported: Whether it may be an export, which has code.
+        trusted: SHA-256 of the weight files that may be loaded; any when there are none.
 
     Raises:
         ArchiveError: when anything is missing, corrupt or does not fit.
@@ -49,7 +55,28 @@ def load(source: Path | str) -> Archive:
             f"no weight file at {path}; give a .safetensors file with its card, an exported .pt file, or a network's "
             f"name: {', '.join(registry.names())}"
         )
-    return _load_weights(path) if path.suffix == ".safetensors" else torchscript.load(path)
+    is_exported = path.suffix != ".safetensors"
+    if is_exported and not allow_exported:
+        raise ArchiveError(
+            f"{path} is no .safetensors file: an exported file has code that would run here, and allow_exported is "
+            "false; give the .safetensors file, or set the parameter allow_exported to true for a file of your own"
+        )
+    content = _read(path)
+    found = hashlib.sha256(content).hexdigest()
+    if trusted and found not in {entry.lower() for entry in trusted}:
+        raise ArchiveError(
+            f"{path} is not among trusted_models: its SHA-256 is {found}; add it to that parameter if you know where "
+            "the file is from"
+        )
+    return torchscript.load(path, content) if is_exported else _load_weights(path, content, found)
+
+
+def _read(path: Path) -> bytes:
+    """A file's bytes, read once: what is checked is what is loaded."""
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        raise ArchiveError(f"expected at most {LARGEST_BYTES} bytes in {path}, got {size}; copy it again")
+    return path.read_bytes()
 
 
 def save(network: Network, card: Card, path: Path | str) -> Card:
@@ -79,28 +106,28 @@ def save(network: Network, card: Card, path: Path | str) -> Card:
         save_file(tensors, temporary)
         # safetensors makes files that only their owner can read; an installed package has other readers.
         temporary.chmod(0o644)
-        written = replace(card, sha256=_sha256(temporary))
+        written = replace(card, sha256=hashlib.sha256(temporary.read_bytes()).hexdigest())
         with whole(target.with_suffix(".yaml")) as card_file:
             card_file.write_text(card_text(written), encoding="utf-8")
     return written
 
 
-def _load_weights(path: Path) -> Archive:
+def _load_weights(path: Path, content: bytes, sha256: str) -> Archive:
     card_path = path.with_suffix(".yaml")
     if not card_path.is_file():
         raise ArchiveError(f"the weights {path} have no card; expected {card_path.name} beside them")
-    for file, most in ((path, LARGEST_BYTES), (card_path, LARGEST_CARD_BYTES)):
-        if file.stat().st_size > most:
-            raise ArchiveError(f"expected at most {most} bytes in {file}, got {file.stat().st_size}; copy it again")
+    size = card_path.stat().st_size
+    if size > LARGEST_CARD_BYTES:
+        raise ArchiveError(f"expected at most {LARGEST_CARD_BYTES} bytes in {card_path}, got {size}; copy it again")
     card = read_card(card_path.read_text(encoding="utf-8", errors="replace"), str(card_path))
-    if _sha256(path) != card.sha256:
+    if sha256 != card.sha256:
         raise ArchiveError(
             f"{path.name} is not the file that its card describes (sha256 differs): it is corrupt or was replaced; "
             "copy the weights and the card again"
         )
     try:
-        tensors = load_file(path)
-    except (SafetensorError, OSError) as error:
+        tensors = load_tensors(content)
+    except (SafetensorError, ValueError) as error:
         raise ArchiveError(f"{path} is not a readable safetensors file: {error}") from None
     with torch.device("meta"):  # without memory: a card may name any number of channels
         _check_tensors(registry.create(card.network, card.architecture), tensors, path)
@@ -122,7 +149,3 @@ def _check_tensors(network: Network, tensors: Mapping[str, Tensor], path: Path) 
             )
         if not torch.isfinite(tensors[name].float()).all():
             raise ArchiveError(f"{path.name} holds values that are not finite in {name}; train or copy it again")
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

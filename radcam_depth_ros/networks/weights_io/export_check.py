@@ -1,72 +1,167 @@
 """Checks an exported file before torch reads it: TorchScript can write files, even while it is loaded.
 
-torch reads the pickles of a TorchScript file with an unpickler of its own, which makes tensors, plain values and
-TorchScript's classes, and calls no Python. What is left is the code beside them: all but two of torch's own operators
-compute and nothing else.
+All checks are of the bytes that torch is then given, never of the path again, and of what torch's own reader finds in
+them: archives can be made that Python and torch read differently. Nothing is allowed but what an export of this package
+has: its entries, tensors and plain values in the pickles, and code that computes (`operators`).
 """
 
 from __future__ import annotations
 
+import ast
 import io
-import tokenize
+import pickletools
+import re
 import zipfile
 from collections.abc import Iterator
-from itertools import pairwise
-from pathlib import Path
+from typing import Any
+
+import torch
+
+from radcam_depth_ros.networks.weights_io.operators import BUILT_INS, OPERATORS, PRIMITIVES
 
 LARGEST_BYTES = 2 * 1024**3
-"""No weights are larger: the file, and what an archive's entries become."""
+"""No weights are larger."""
 LARGEST_CARD_BYTES = 64 * 1024
-# Operators that read and write files, and what runs while a file is read.
-_FORBIDDEN = {"save", "from_file", "__setstate__"}
-_OPERATORS = {"aten", "prim"}
+LARGEST_CODE_BYTES = 4 * 1024**2
+_ENTRY = re.compile(
+    r"data\.pkl|constants\.pkl|version|byteorder|\.data/serialization_id|(constants|data)/\d+"
+    r"|code/__torch__(/\w+)+\.py(\.debug_pkl)?|extra/card\.yaml"
+)
+_GLOBAL = re.compile(
+    r"__torch__\.(?!torch\.)\w+(\.\w+)*|collections OrderedDict|torch \w+Storage|torch\._utils _rebuild_tensor_v2"
+    r"|torch\.jit\._pickle build_\w+list"
+)
+_NODES = (
+    *(ast.Module, ast.ClassDef, ast.FunctionDef, ast.arguments, ast.arg, ast.Pass, ast.Assign, ast.AnnAssign),
+    *(ast.If, ast.For, ast.While, ast.Expr, ast.Return, ast.Call, ast.keyword, ast.Attribute, ast.Name, ast.Constant),
+    *(ast.List, ast.Tuple, ast.Dict, ast.Subscript, ast.Slice, ast.UnaryOp, ast.BinOp, ast.BoolOp, ast.Compare),
+    *(ast.IfExp, ast.expr_context, ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
+)
 
 
-def find_fault(path: Path, card_entry: str) -> str:
-    """Why a TorchScript file is not to be read; empty where nothing speaks against it.
+class ExportError(Exception):
+    """Why an exported file is not to be read."""
+
+
+def check_export(content: bytes) -> None:
+    """Refuses a TorchScript file that could do more than compute.
 
     Args:
-        path: The file; one that is no archive has no fault here, since torch refuses it.
-        card_entry: Name of the card's entry.
+        content: The file's bytes.
+
+    Raises:
+        ExportError: with the reason.
     """
-    if path.stat().st_size > LARGEST_BYTES:
-        return f"it has {path.stat().st_size} bytes, more than {LARGEST_BYTES}"
+    entries = _by_python(content)
+    if _by_torch(content) != entries:
+        raise ExportError("torch reads other entries in it than Python")
+    for name, data in entries.items():
+        if name == "extra/card.yaml" and len(data) > LARGEST_CARD_BYTES:
+            raise ExportError(f"its card has {len(data)} bytes, more than {LARGEST_CARD_BYTES}")
+        if name.endswith(".py"):
+            _check_code(data)
+        elif name.endswith((".pkl", "_pkl")):
+            _check_pickle(data)
+
+
+def check_graph(module: torch.jit.ScriptModule) -> None:
+    """Refuses a module of which torch has understood anything that is not allowed, before it runs.
+
+    Raises:
+        ExportError: with the operator.
+    """
+    for kind in _kinds(module.inlined_graph):
+        space, _, name = kind.partition("::")
+        if name not in {"aten": OPERATORS, "prim": PRIMITIVES}.get(space, ()):
+            raise ExportError(f"its code has the operator {kind!r}, which exports of this package do not have")
+
+
+def _by_python(content: bytes) -> dict[str, bytes]:
+    """All entries of the archive, read whole, without the folder that they share."""
+    if not content.startswith(b"PK\x03\x04"):
+        raise ExportError("it is no archive")
+    entries: dict[str, bytes] = {}
     try:
-        with zipfile.ZipFile(path) as archive:
-            return _fault_of(archive, card_entry)
-    except zipfile.BadZipFile:
-        return ""
-    except (OSError, RuntimeError, NotImplementedError, UnicodeDecodeError, SyntaxError, tokenize.TokenError) as error:
-        return f"its code cannot be read: {error}"
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            if archive.comment:
+                raise ExportError("its archive has a comment")
+            for entry in archive.infolist():
+                # torch compresses the code alone.
+                most = len(content) if entry.compress_type == zipfile.ZIP_STORED else LARGEST_CODE_BYTES
+                if entry.flag_bits & 1 or entry.file_size > most:
+                    raise ExportError(f"its entry {entry.filename!r} is encrypted, or becomes {entry.file_size} bytes")
+                _, _, name = entry.filename.partition("/")
+                if not _ENTRY.fullmatch(name):
+                    raise ExportError(f"its entry {entry.filename!r} is none that an export has")
+                if name in entries:
+                    raise ExportError("two of its entries have the same name")
+                entries[name] = archive.read(entry)
+            folders = {entry.filename.partition("/")[0] for entry in archive.infolist()}
+    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError, ValueError, EOFError) as error:
+        raise ExportError(f"Python cannot read all of it: {error}") from None
+    if len(folders) != 1:
+        raise ExportError("its entries are not in one folder")
+    if len({name.lower() for name in entries}) < len(entries):
+        raise ExportError("two of its entries differ in nothing but the case of letters")
+    return entries
 
 
-def _fault_of(archive: zipfile.ZipFile, card_entry: str) -> str:
-    entries = archive.infolist()
-    if len({entry.filename for entry in entries}) < len(entries):
-        return "two of its entries have the same name"
-    if sum(entry.file_size for entry in entries) > LARGEST_BYTES:
-        return f"its entries become more than {LARGEST_BYTES} bytes"
-    for entry in entries:
-        if entry.filename.endswith(card_entry) and entry.file_size > LARGEST_CARD_BYTES:
-            return f"its card has {entry.file_size} bytes, more than {LARGEST_CARD_BYTES}"
-        fault = _fault_of_code(archive.read(entry).decode()) if entry.filename.endswith(".py") else ""
-        if fault:
-            return fault
-    return ""
+def _by_torch(content: bytes) -> dict[str, bytes]:
+    try:
+        reader: Any = torch._C.PyTorchFileReader(io.BytesIO(content))
+        return {name: reader.get_record(name) for name in reader.get_all_records()}
+    except (RuntimeError, ValueError) as error:
+        raise ExportError(f"torch cannot read it: {str(error).splitlines()[0]}") from None
 
 
-def _fault_of_code(code: str) -> str:
-    words = list(_words(code))
-    for word, following in pairwise([*words, ""]):
-        if word in _FORBIDDEN:
-            return f"its code has {word!r}, which can do more than compute"
-        if word == "ops" and following not in _OPERATORS:
-            return f"its code has operators of {following!r}, which are not torch's own"
-    return ""
+def _check_pickle(data: bytes) -> None:
+    try:
+        for opcode, argument, _ in pickletools.genops(data):
+            if opcode.name == "GLOBAL" and not _GLOBAL.fullmatch(_joined(str(argument))):
+                raise ExportError(f"one of its pickles makes {str(argument)!r}, which is neither a tensor nor its own")
+            if opcode.name in ("STACK_GLOBAL", "INST", "EXT1", "EXT2", "EXT4"):
+                raise ExportError(f"one of its pickles has {opcode.name}")
+    except ValueError as error:
+        raise ExportError(f"one of its pickles cannot be read: {error}") from None
 
 
-def _words(code: str) -> Iterator[str]:
-    """Names and texts, in their order, whatever stands between them."""
-    for token in tokenize.generate_tokens(io.StringIO(code).readline):
-        if token.type in (tokenize.NAME, tokenize.STRING):
-            yield token.string.strip("\"'")
+def _joined(argument: str) -> str:
+    """A class of TorchScript as one dotted name; others as pickletools gives them, with a space."""
+    return argument.replace(" ", ".") if argument.startswith("__torch__") else argument
+
+
+def _check_code(data: bytes) -> None:
+    if len(data) > LARGEST_CODE_BYTES:
+        raise ExportError(f"its code has {len(data)} bytes, more than {LARGEST_CODE_BYTES}")
+    try:
+        tree = ast.parse(data.decode("utf-8"))
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise ExportError(f"its code cannot be read: {error}") from None
+    for node in ast.walk(tree):
+        if not isinstance(node, _NODES):
+            raise ExportError(f"its code has {type(node).__name__!r}, which exports of this package do not have")
+        if isinstance(node, ast.FunctionDef) and (node.name != "forward" or node.decorator_list):
+            raise ExportError(f"its code has the function {node.name!r} besides forward")
+        if isinstance(node, ast.Call):
+            _check_call(ast.unparse(node.func))
+
+
+def _check_call(function: str) -> None:
+    path = function.split(".")
+    allowed = (
+        (len(path) == 2 and path[0] == "torch" and path[1] in OPERATORS)
+        or (len(path) == 3 and path[:2] == ["ops", "prim"] and path[2] in PRIMITIVES)
+        or (len(path) == 1 and path[0] in BUILT_INS)
+        # A named tuple of the file's own, such as `Depths`.
+        or (path[0] == "__torch__" and path[1:2] != ["torch"])
+    )
+    if not allowed:
+        raise ExportError(f"its code calls {function[:80]!r}, which can do more than compute")
+
+
+def _kinds(graph: Any) -> Iterator[str]:
+    """Kinds of all nodes of a graph, and of the blocks within."""
+    for node in graph.nodes():
+        yield node.kind()
+        for block in node.blocks():
+            yield from _kinds(block)

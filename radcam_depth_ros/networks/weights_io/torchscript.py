@@ -15,7 +15,7 @@ from torch import nn
 
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.networks.weights_io.card import Archive, ArchiveError, card_text, read_card
-from radcam_depth_ros.networks.weights_io.export_check import find_fault
+from radcam_depth_ros.networks.weights_io.export_check import ExportError, check_export, check_graph
 from radcam_depth_ros.networks.weights_io.folding import folded
 
 CARD_ENTRY = "card.yaml"
@@ -25,8 +25,11 @@ def export(archive: Archive, path: Path | str) -> None:
     """Writes one self-contained TorchScript file, frozen, with the card inside; a C++ node can load it as well."""
     target = Path(path)
     module = freeze(archive.network)
-    with whole(target) as temporary, _quiet_jit():
-        torch.jit.save(module, str(temporary), _extra_files={CARD_ENTRY: card_text(archive.card)})
+    content = io.BytesIO()
+    with _quiet_jit():
+        torch.jit.save(module, content, _extra_files={CARD_ENTRY: card_text(archive.card)})
+    with whole(target) as temporary:
+        temporary.write_bytes(content.getbuffer())
 
 
 def freeze(network: nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.ScriptModule:
@@ -54,17 +57,18 @@ def _reread(module: torch.jit.ScriptModule) -> torch.jit.ScriptModule:
     return cast(torch.jit.ScriptModule, reread)
 
 
-def load(path: Path) -> Archive:
-    """Reads an exported file; ArchiveError where it is none, or cannot be trusted."""
-    fault = find_fault(path, CARD_ENTRY)
-    if fault:
-        raise ArchiveError(f"{path} is not read: {fault}; make it with `radcam-depth export`")
+def load(path: Path, content: bytes) -> Archive:
+    """Makes a network of an exported file's bytes; ArchiveError, which names the path, where it is none or not safe."""
     extra = {CARD_ENTRY: ""}
     try:
+        check_export(content)
         with _quiet_jit():
-            module: nn.Module = torch.jit.load(  # type: ignore[no-untyped-call]  # torch leaves it without types
-                str(path), map_location="cpu", _extra_files=extra
+            module: torch.jit.ScriptModule = torch.jit.load(  # type: ignore[no-untyped-call]  # torch has no types
+                io.BytesIO(content), map_location="cpu", _extra_files=extra
             )
+        check_graph(module)
+    except ExportError as fault:
+        raise ArchiveError(f"{path} is not read: {fault}; make it anew with `radcam-depth export`") from None
     except (RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[0]
         raise ArchiveError(
