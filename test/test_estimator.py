@@ -88,12 +88,6 @@ def frame(camera: CameraModel, image: np.ndarray, ground: GroundPlane | None = N
     st.floats(0.97, 1.03),
     st.floats(0.1, 0.9),
 )
-@pytest.mark.parametrize("entry", ["", "abc", "g" * 64])
-def test_a_trusted_model_is_named_by_its_sha256(entry: str) -> None:
-    with pytest.raises(EstimatorError, match="64 hexadecimal digits"):
-        EstimatorConfig(trusted_models=(entry,))
-
-
 def test_a_flat_wall_has_the_same_depth_for_any_camera(
     precision: str, width: int, height: int, focal: float, ratio: float, share: float
 ) -> None:
@@ -206,3 +200,9 @@ def test_a_read_only_image_is_taken(small_weights: Path) -> None:
 def test_settings_that_cannot_be(values: dict[str, object], message: str) -> None:
     with pytest.raises(RadcamDepthError, match=message):
         estimator(GivesTheRoad(), EstimatorConfig(**values))
+
+
+@pytest.mark.parametrize("entry", ["", "abc", "g" * 64])
+def test_a_trusted_model_is_named_by_its_sha256(entry: str) -> None:
+    with pytest.raises(EstimatorError, match="64 hexadecimal digits"):
+        EstimatorConfig(trusted_models=(entry,))
