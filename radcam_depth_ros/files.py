@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -42,3 +42,30 @@ def write_text(path: Path | str, text: str) -> None:
     """Writes a UTF-8 file, whole or not at all; FileError when it cannot be written."""
     with whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def require_apart(writes: Iterable[Path | str | None], reads: Iterable[Path | str | None]) -> None:
+    """Refuses to write to what is read, by any name of it: a link, a relative path, a file within a bag.
+
+    Args:
+        writes: Files and folders that will be written or replaced; None for those not asked for.
+        reads: Files and folders that are read, likewise.
+
+    Raises:
+        FileError: which names both.
+    """
+    origins = [Path(source) for source in reads if source is not None]
+    for target in (Path(output) for output in writes if output is not None):
+        for origin in origins:
+            if _meet(target, origin):
+                raise FileError(f"{target} would be written to, but {origin} is read; choose another place to write to")
+
+
+def _meet(target: Path, origin: Path) -> bool:
+    written, read = target.resolve(), origin.resolve()
+    if written == read or written in read.parents:
+        return True
+    if read in written.parents:
+        # A folder of bags may have other files beside them.
+        return (read / "metadata.yaml").is_file()
+    return written.exists() and read.exists() and written.samefile(read)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from radcam_depth_ros.files import FileError, whole, write_text
+from radcam_depth_ros.files import FileError, require_apart, whole, write_text
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
@@ -31,3 +31,29 @@ def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     write_text(tmp_path / "file", "")
     with pytest.raises(FileError, match=r"cannot write .*file/a.txt"):
         write_text(tmp_path / "file" / "a.txt", "x")
+
+
+def test_what_is_read_is_not_written_to_by_any_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    bag = tmp_path / "drives" / "bag"
+    bag.mkdir(parents=True)
+    (bag / "metadata.yaml").touch()
+    file = tmp_path / "drives" / "one.mcap"
+    file.touch()
+    (tmp_path / "link").symlink_to(bag)
+    (tmp_path / "hard.mcap").hardlink_to(file)
+    for written, read in (
+        (bag, bag),
+        ("drives/bag", bag),
+        ("drives/../drives/bag/", bag),
+        ("link", bag),
+        (bag, "link"),
+        (bag / "depth.mcap", bag),
+        ("link/pictures", bag),
+        ("drives", bag),
+        ("hard.mcap", file),
+        (file, "hard.mcap"),
+    ):
+        with pytest.raises(FileError, match=r"would be written to, but .* is read"):
+            require_apart([None, written], [None, read])
+    require_apart(["drives/figures.json", "out"], ["drives", file, tmp_path / "missing", None])

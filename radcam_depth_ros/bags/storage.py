@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -59,3 +60,39 @@ class McapBagWriter(Writer):  # type: ignore[misc]  # as above
     """rosbags' writer of rosbag2 folders, with this storage."""
 
     STORAGE_PLUGINS = {StoragePlugin.MCAP: LargeMessageStorage}  # noqa: RUF012  # rosbags declares it so
+
+
+_MAGIC = b"\x89MCAP0\r\n"
+_FOOTER_BYTES = _LENGTH + 20 + len(_MAGIC)  # the record 0x02 with two offsets and a checksum, and the magic
+_MOST_SUMMARY_BYTES = 64 * 1024**2
+
+
+def bag_metadata(path: Path) -> bytes:
+    """The metadata that rosbag2 keeps within an MCAP file (the record `rosbag2`), as YAML; empty where there is none.
+
+    Raises:
+        OSError: when it cannot be read.
+        ValueError: when it is no MCAP file, or its summary cannot be read; struct.error likewise.
+    """
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(size - _FOOTER_BYTES, 0))
+        footer = file.read(_FOOTER_BYTES)
+        if len(footer) < _FOOTER_BYTES or not footer.endswith(_MAGIC) or footer[0] != 0x02:
+            raise ValueError(f"{path} is no MCAP file")
+        (start,) = struct.unpack_from("<Q", footer, _LENGTH)
+        if not 0 < start <= size or size - start > _MOST_SUMMARY_BYTES:
+            return b""
+        file.seek(start)
+        summary = file.read(size - start - _FOOTER_BYTES)
+        place = 0
+        while place + _LENGTH <= len(summary):
+            opcode, length = struct.unpack_from("<BQ", summary, place)
+            place += _LENGTH
+            if opcode == 0x0D:  # index of a metadata record: where, how long, its name
+                where, bytes_, letters = struct.unpack_from("<QQI", summary, place)
+                if summary[place + 20 : place + 20 + letters] == b"rosbag2" and bytes_ <= _MOST_SUMMARY_BYTES:
+                    file.seek(where)
+                    return file.read(bytes_)
+            place += length
+    return b""

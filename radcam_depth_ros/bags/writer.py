@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import struct
 import tempfile
 from collections.abc import Collection
 from pathlib import Path
@@ -23,7 +25,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from radcam_depth_ros.bags.definitions import MessageType
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.bags.reader import BagMessage
-from radcam_depth_ros.bags.storage import McapBagWriter
+from radcam_depth_ros.bags.storage import McapBagWriter, bag_metadata
 
 _FOREVER = QosTime(9223372036, 854775807)  # RMW_DURATION_INFINITE
 _LATCHED = Qos(
@@ -37,6 +39,19 @@ _LATCHED = Qos(
     liveliness_lease_duration=_FOREVER,
     avoid_ros_namespace_conventions=False,
 )
+
+
+OWN = ("written_by", "radcam_depth_ros")
+"""Custom data of all bags that are written here."""
+
+
+def is_own(path: Path) -> bool:
+    """Whether a bag was written by `BagWriter`, so that it can be made again; False for what cannot be read."""
+    try:
+        text = (path / "metadata.yaml").read_bytes() if path.is_dir() else bag_metadata(path)
+    except (OSError, ValueError, struct.error):
+        return False
+    return re.search(rb"^\s*%b: %b\s*$" % (OWN[0].encode(), OWN[1].encode()), text, re.MULTILINE) is not None
 
 
 class BagWriter:
@@ -81,6 +96,7 @@ class BagWriter:
             )
             if self._compress:
                 writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            writer.set_custom_data(*OWN)
             writer.open()
         except OSError as error:
             self._discard()
@@ -168,10 +184,12 @@ class BagWriter:
             return
         if not self._overwrite:
             raise BagError(f"{self.path} exists already; choose another name, remove it, or ask to overwrite it")
-        # A mistyped path must not cost somebody a folder of other things.
-        is_bag = (self.path / "metadata.yaml").is_file() if self.path.is_dir() else self._is_file
-        if self.path.is_dir() == self._is_file or not is_bag:
-            raise BagError(f"{self.path} is no bag of this kind, so it is not overwritten; choose another name")
+        # A mistyped path must not cost somebody a folder of other things, and no option a recording.
+        if self.path.is_dir() == self._is_file or not is_own(self.path):
+            raise BagError(
+                f"{self.path} is no bag that radcam-depth wrote, so it is not overwritten; remove it, or choose "
+                "another name"
+            )
 
     def _put_in_place(self, written: Path) -> None:
         assert self._folder is not None

@@ -17,6 +17,7 @@ from radcam_depth_ros.cli.terminal.options import (
     JsonOption,
     LidarOption,
     RadarOption,
+    keep_apart,
     progress_bar,
     write_json,
 )
@@ -71,6 +72,7 @@ def check_calibration(
 
     if (road and out is not None) or (write_params is not None and not road):
         raise RadcamDepthError("--out makes no pictures with --road, and --write-params needs it; leave one out")
+    keep_apart((out, json_target, write_params), (bag, params))
     node = node_parameters(
         params,
         {

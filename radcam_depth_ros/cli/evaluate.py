@@ -26,6 +26,7 @@ from radcam_depth_ros.cli.terminal.options import (
     RadarOption,
     ThreadsOption,
     estimator_parameters,
+    keep_apart,
     load_estimator,
     progress_bar,
     write_json,
@@ -81,6 +82,7 @@ def evaluate(
     from radcam_depth_ros.evaluation.drive import EvaluationSettings
     from radcam_depth_ros.evaluation.tables import distance_table, summary_table
 
+    keep_apart((json_target, report, csv), (*bags, params, model))
     wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
     node = node_parameters(
         params,

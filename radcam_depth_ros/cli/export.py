@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from radcam_depth_ros.cli.terminal.options import NETWORK, ModelOption, NetworkOption
+from radcam_depth_ros.cli.terminal.options import NETWORK, ModelOption, NetworkOption, keep_apart
 
 
 def export(
@@ -21,5 +21,6 @@ def export(
     """
     from radcam_depth_ros.networks.weights_io import archive, torchscript
 
+    keep_apart((out,), (model,))
     torchscript.export(archive.load(model or network or NETWORK), out)
     typer.echo(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB", err=True)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from radcam_depth_ros.cli.terminal.options import Bag, JsonOption, progress_bar, write_json
+from radcam_depth_ros.cli.terminal.options import Bag, JsonOption, keep_apart, progress_bar, write_json
 
 
 def inspect(
@@ -35,6 +35,7 @@ def inspect(
             "everywhere else",
             err=True,
         )
+    keep_apart((json_target, write_params, params), (bag,))
     target = write_params or params
     with progress_bar() as bar:
         task = bar.add_task("reading", total=None)

@@ -27,6 +27,7 @@ from radcam_depth_ros.cli.terminal.options import (
     ThreadsOption,
     WithoutRadarOption,
     estimator_parameters,
+    keep_apart,
     load_estimator,
     progress_bar,
 )
@@ -64,6 +65,7 @@ def replay(
     """
     from radcam_depth_ros import replay as replaying
 
+    keep_apart((out,), (bag, params, model))
     preview_near_m, preview_far_m = preview_range or (None, None)
     points_near_m, points_far_m = points_range or (None, None)
     node = node_parameters(

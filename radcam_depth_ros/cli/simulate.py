@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from radcam_depth_ros.cli.terminal.options import progress_bar
+from radcam_depth_ros.cli.terminal.options import keep_apart, progress_bar
 
 
 def simulate(
@@ -33,6 +33,7 @@ def simulate(
             f"the simulator needs the package {error.name}, which is not installed; install it with "
             f"`pip install {error.name}`"
         ) from error
+    keep_apart((out,), (config,))
     settings = (
         simulation.SimulationConfig() if config is None else configuration.load(simulation.SimulationConfig, config)
     )

@@ -29,6 +29,7 @@ from radcam_depth_ros.cli.terminal.options import (
     TeacherOption,
     TensorboardOption,
     ValidationBagsOption,
+    keep_apart,
 )
 
 if TYPE_CHECKING:
@@ -223,6 +224,10 @@ def _new_plan(asked: _Request) -> RunPlan:
         raise TrainingError("give the bags to train on: --bags FOLDER")
     if (out / RUN_FILE).exists():
         raise TrainingError(f"{out} already holds a run; give --resume to go on with it, or another --out")
+    keep_apart(
+        (out / RUN_FILE, out / f"{network}.safetensors"),
+        (*asked.bags, *asked.validation_bags, *asked.rehearsal_bags, asked.params, asked.recipe, *sources.files),
+    )
     name = network if sources.initial is None else FINE_TUNING
     recipe = recipe_of(name) if asked.recipe is None else load(asked.recipe)
     if sources.initial is not None:

@@ -21,6 +21,7 @@ from radcam_depth_ros.cli.terminal.options import (
     RadarOption,
     ThreadsOption,
     estimator_parameters,
+    keep_apart,
     load_estimator,
     needs_ros,
     progress_bar,
@@ -76,6 +77,7 @@ def view(
     """
     from radcam_depth_ros import viewing
 
+    keep_apart((save,), (bag, depth, params, model))
     estimation = estimator_parameters(network, model, device, precision, threads)
     given = {"image_topic": image, "radar_topics": radar or None, **estimation}
     node = node_parameters(params, given, unused=("output.",))

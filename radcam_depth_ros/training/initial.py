@@ -32,6 +32,12 @@ class Sources:
     backbones: str | None = None
     teacher: str | None = None
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Those that are files."""
+        given = (self.initial, self.backbones, self.teacher)
+        return tuple(source for source in given if source is not None and Path(source).is_file())
+
 
 def load_initial(network: networks.Network, name: str, source: str | Path) -> None:
     """Gives a network the weights of an archive of the same architecture, or of one that it has grown from.

@@ -137,6 +137,29 @@ def test_what_is_no_bag_is_never_overwritten(tmp_path):
             BagWriter(tmp_path / name, overwrite=True)
 
 
+@pytest.mark.parametrize("place", PLACES)
+def test_a_recording_of_somebody_else_is_never_overwritten(tmp_path, place):
+    folder = tmp_path / "recorded"
+    with Writer(folder, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP) as writer:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        topic = writer.add_connection("/radar/points", "sensor_msgs/msg/PointCloud2", typestore=store)
+        message = factory("sensor_msgs/msg/PointCloud2")
+        writer.write(topic, 0, store.serialize_cdr(message, "sensor_msgs/msg/PointCloud2"))
+    path = tmp_path / place
+    shutil.copytree(folder, path) if place == "drive" else shutil.copy(next(folder.glob("*.mcap")), path)
+    with pytest.raises(BagError, match="no bag that radcam-depth wrote"):
+        BagWriter(path, overwrite=True)
+
+
+def test_a_file_that_is_cut_short_is_never_overwritten(tmp_path):
+    path = write_drive(tmp_path / "drive.mcap")
+    content = path.read_bytes()
+    for length in (0, 5, 40, len(content) // 2, len(content) - 1):
+        path.write_bytes(content[:length])
+        with pytest.raises(BagError, match="no bag that radcam-depth wrote"):
+            BagWriter(path, overwrite=True)
+
+
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(BagError, match="cannot write a bag"), BagWriter(tmp_path / "file" / "drive"):

@@ -16,7 +16,7 @@ import yaml
 from typer.testing import CliRunner
 
 from radcam_depth_ros import cli, networks
-from radcam_depth_ros.bags import BagReader
+from radcam_depth_ros.bags import BagReader, BagWriter, factory
 from radcam_depth_ros.networks.weights_io import archive
 
 ROOT = Path(__file__).parents[2]
@@ -261,3 +261,30 @@ def test_a_bag_that_lacks_a_topic_is_exit_code_2(
     assert run_main(monkeypatch, "replay", drive, tmp_path / "out.mcap", "--model", small_weights) == 2
     assert "camera_info" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["drive.mcap"]
+
+
+def test_no_verb_writes_to_what_it_reads(tmp_path: Path) -> None:
+    bag, weights = tmp_path / "bag.mcap", tmp_path / "baff.safetensors"
+    with BagWriter(bag) as writer:
+        writer.write("/text", factory("std_msgs/msg/String", data="kept"), 0)
+    weights.write_bytes(b"weights")
+    link = tmp_path / "link.mcap"
+    link.symlink_to(bag)
+    before = {path: path.read_bytes() for path in (bag, weights)}
+    for arguments in (
+        ["replay", str(bag), str(bag), "--overwrite"],
+        ["replay", str(bag), str(link), "--overwrite"],
+        ["evaluate", str(bag), "--json", str(bag)],
+        ["evaluate", str(bag), "--csv", str(link)],
+        ["evaluate", str(bag), "--report", str(bag), "--model", str(weights)],
+        ["evaluate", str(bag), "--json", str(weights), "--model", str(weights)],
+        ["view", str(bag), "--save", str(bag)],
+        ["export", str(weights), "--model", str(weights)],
+        ["inspect", str(bag), "--write-params", str(link)],
+        ["check-calibration", str(bag), "--json", str(bag)],
+        ["train", "--bags", str(bag), "--out", str(tmp_path), "--init", str(weights)],
+    ):
+        result = run(*arguments)
+        assert "would be written to, but" in str(result.exception), arguments
+    assert {path: path.read_bytes() for path in before} == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["baff.safetensors", "bag.mcap", "link.mcap"]

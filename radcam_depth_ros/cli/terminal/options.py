@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -182,6 +182,13 @@ def progress_bar() -> Iterator[Progress]:
     )
     with Progress(*columns, console=Console(stderr=True)) as progress:
         yield progress
+
+
+def keep_apart(writes: Iterable[Path | str | None], reads: Iterable[Path | str | None]) -> None:
+    """Refuses options by which a verb would write to what it reads; `-`, for stdout, and None are no files."""
+    from radcam_depth_ros.files import require_apart
+
+    require_apart([path for path in writes if path is not None and str(path) != "-"], reads)
 
 
 def write_json(values: Any, target: str) -> None:
