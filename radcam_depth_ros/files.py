@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import secrets
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from radcam_depth_ros.frame import RadcamDepthError
@@ -18,24 +20,44 @@ class FileError(RadcamDepthError):
 def whole(path: Path | str) -> Iterator[Path]:
     """A temporary sibling to write to: it takes the file's name when the block succeeds, and goes away when it fails.
 
-    Makes the folder. The sibling has the file's suffix, by which some writers tell the format.
+    Makes the folder. The sibling is a new file, whatever links are there, and has the file's suffix, by which some
+    writers tell the format. It is on the disk before it takes the name; a link of that name is replaced, not followed.
 
     Raises:
         FileError: when it cannot be written; what was there before is intact.
     """
     target = Path(path)
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.part{target.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_NOFOLLOW, 0o666))
         yield temporary
+        sync(temporary)
         temporary.replace(target)
+        sync(target.parent)
     except OSError as error:
-        reason = error.strerror or error
-        raise FileError(f"cannot write {target}: {reason}; choose a place that can be written") from None
+        raise cannot_write(target, error) from None
     finally:
-        # Where the folder itself could not be made there is nothing to remove.
-        if temporary.parent.is_dir():
-            temporary.unlink(missing_ok=True)
+        # Where the folder itself cannot be made or written there is nothing to remove.
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def cannot_write(target: Path, error: OSError) -> FileError:
+    """The refusal to write a file, as a sentence."""
+    return FileError(f"cannot write {target}: {error.strerror or error}; choose a place that can be written")
+
+
+def sync(path: Path) -> None:
+    """Has a file, or a folder's names, written to the disk; a file system that cannot is left alone."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EROFS):
+            raise
+    finally:
+        os.close(descriptor)
 
 
 def write_text(path: Path | str, text: str) -> None:

@@ -26,6 +26,7 @@ from radcam_depth_ros.bags.definitions import MessageType
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.bags.reader import BagMessage
 from radcam_depth_ros.bags.storage import McapBagWriter, bag_metadata
+from radcam_depth_ros.files import sync
 
 _FOREVER = QosTime(9223372036, 854775807)  # RMW_DURATION_INFINITE
 _LATCHED = Qos(
@@ -195,9 +196,12 @@ class BagWriter:
         assert self._folder is not None
         self._check_free()  # somebody may have been quicker
         source = next(written.glob("*.mcap")) if self._is_file else written
+        for file in written.iterdir():
+            sync(file)
         if self.path.exists():
             self.path.rename(self._folder / "replaced")  # goes with the temporary folder
         source.rename(self.path)
+        sync(self.path.parent)
 
     def _discard(self) -> None:
         if self._folder is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import signal
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -56,12 +58,25 @@ def main() -> None:
     """Runs the command; a user's mistake ends with one sentence and exit code 2."""
     openmp.prepare()
     warnings.formatwarning = _warning_line
+    # As after Ctrl-C, half-written files go: by default, SIGTERM would end the process where it stands.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     try:
         app(list(_spelled_out(sys.argv[1:])))
+    except OSError as error:
+        if error.errno not in _DISK_ERRORS:
+            raise
+        _refuse(f"{error.filename or 'a file'}: {error.strerror}; make room, or choose a place that can be written")
     except Exception as error:
         from radcam_depth_ros.frame import RadcamDepthError  # here, since it brings numpy, which --help can do without
 
         if not isinstance(error, RadcamDepthError):
             raise
-        print(f"radcam-depth: {error}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
+        _refuse(str(error))
+
+
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG, errno.EACCES, errno.EPERM)
+
+
+def _refuse(sentence: str) -> None:
+    print(f"radcam-depth: {sentence}", file=sys.stderr)
+    sys.exit(BAD_INPUT)

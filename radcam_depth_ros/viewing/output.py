@@ -65,9 +65,11 @@ def output(target: Path, rate_hz: float) -> Iterator[Add]:
 def _video(target: Path, rate_hz: float) -> Iterator[Add]:
     with whole(target) as temporary:
         writer: Any = None
+        count = 0
 
         def add(picture: ImageArray) -> None:
-            nonlocal writer
+            nonlocal writer, count
+            count += 1
             if writer is None:
                 height, width = picture.shape[:2]
                 code = cv2.VideoWriter.fourcc(*"mp4v")
@@ -84,6 +86,23 @@ def _video(target: Path, rate_hz: float) -> Iterator[Add]:
         finally:
             if writer is not None:
                 writer.release()
+        _require_frames(temporary, target, count)
+
+
+def _require_frames(written: Path, target: Path, count: int) -> None:
+    """Opens a video again: OpenCV does not say when the disk is full."""
+    video = cv2.VideoCapture(str(written))
+    try:
+        found = 0
+        while found < count and video.grab():
+            found += 1
+    finally:
+        video.release()
+    if found < count:
+        raise FileError(
+            f"cannot write {target}: of {count} pictures {found} are in the video; is the disk full? Make room, or "
+            "choose another place"
+        )
 
 
 @contextmanager

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 import yaml
+from safetensors.torch import load_file, save_file
 
 from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.networks import ArchitectureError, registry
@@ -45,8 +47,10 @@ def save(folder: Path, name: str, architecture: dict[str, object], old_name: str
     network = networks.create(name, architecture)
     path = folder / f"{name}.safetensors"
     card = archive.save(network, Card.of(network, name, "nothing"), path)
+    save_file(load_file(path), path)
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     path.with_suffix(".yaml").write_text(
-        yaml.safe_dump(configuration.as_mapping(replace(card, network=old_name, architecture=old)))
+        yaml.safe_dump(configuration.as_mapping(replace(card, network=old_name, architecture=old, sha256=sha256)))
     )
     return path
 

@@ -1,12 +1,10 @@
 from __future__ import annotations
 
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import torch
+from disks import full_disk
 from torch import nn
 
 from radcam_depth_ros.frame import RadcamDepthError
@@ -26,17 +24,6 @@ def make_working(value: float = 0.0) -> Working:
     network = nn.Linear(64, 64)
     nn.init.constant_(network.weight, value)
     return Working(network, AveragedWeights(network, 0.9), torch.optim.AdamW(network.parameters()))
-
-
-@contextmanager
-def full_disk(room: int) -> Iterator[None]:
-    """No file may become larger than `room` bytes."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_all_of_a_run_comes_back(tmp_path: Path) -> None:

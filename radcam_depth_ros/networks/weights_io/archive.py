@@ -1,10 +1,11 @@
-"""Reads and writes weights as safetensors with a card in YAML beside them, never as a pickle.
+"""Reads and writes weights as safetensors with a card in YAML inside, never as a pickle.
 
 All that is on the card is checked on loading, and a mismatch is refused with a sentence.
 """
 
 import hashlib
 import importlib.resources
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +13,10 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load as load_tensors
-from safetensors.torch import save_file
+from safetensors.torch import save as save_tensors
 from torch import Tensor
 
-from radcam_depth_ros.files import whole
+from radcam_depth_ros.files import whole, write_text
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.weights_io import torchscript
@@ -23,6 +24,11 @@ from radcam_depth_ros.networks.weights_io.card import Archive, ArchiveError, Car
 from radcam_depth_ros.networks.weights_io.export_check import LARGEST_BYTES, LARGEST_CARD_BYTES
 
 __all__ = ["Archive", "ArchiveError", "Card", "load", "save", "shipped"]
+
+
+CARD_KEY = "card"
+"""Key of the card, as YAML, in a safetensors file's metadata."""
+LARGEST_HEADER_BYTES = 16 * 1024**2
 
 
 def shipped(name: str) -> Path:
@@ -80,7 +86,9 @@ def _read(path: Path) -> bytes:
 
 
 def save(network: Network, card: Card, path: Path | str) -> Card:
-    """Writes weights in half precision, statistics in single, and their card beside them: whole or not at all.
+    """Writes weights in half precision, statistics in single, with their card inside: whole or not at all.
+
+    The same card stands beside them as YAML, for people: what is loaded is the one inside.
 
     Args:
         network: The network.
@@ -102,28 +110,56 @@ def save(network: Network, card: Card, path: Path | str) -> Card:
     for name, value in tensors.items():
         if not torch.isfinite(value.float()).all():
             raise ArchiveError(f"{name} is not finite in half precision; nothing was written, train on or start again")
+    bare = save_tensors(tensors)
+    written = replace(card, sha256=hashlib.sha256(_data(bare)).hexdigest())
+    text = card_text(written)
+    content = save_tensors(tensors, {CARD_KEY: text})
     with whole(target) as temporary:
-        save_file(tensors, temporary)
-        # safetensors makes files that only their owner can read; an installed package has other readers.
-        temporary.chmod(0o644)
-        written = replace(card, sha256=hashlib.sha256(temporary.read_bytes()).hexdigest())
-        with whole(target.with_suffix(".yaml")) as card_file:
-            card_file.write_text(card_text(written), encoding="utf-8")
+        temporary.write_bytes(content)
+    write_text(target.with_suffix(".yaml"), text)
     return written
 
 
-def _load_weights(path: Path, content: bytes, sha256: str) -> Archive:
+def _data(content: bytes) -> memoryview:
+    """The tensors' bytes of a safetensors file, behind its header; empty where it is none."""
+    return memoryview(content)[8 + int.from_bytes(content[:8], "little") :]
+
+
+def _card_inside(content: bytes) -> str:
+    """The card in a safetensors file's header; empty in files of earlier versions, and in what is none."""
+    size = int.from_bytes(content[:8], "little")
+    if len(content) < 8 or not 0 < size <= min(len(content) - 8, LARGEST_HEADER_BYTES):
+        return ""
+    try:
+        header = json.loads(content[8 : 8 + size])
+        text = header["__metadata__"][CARD_KEY]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return ""
+    return text if isinstance(text, str) else ""
+
+
+def _card_beside(path: Path) -> str:
     card_path = path.with_suffix(".yaml")
     if not card_path.is_file():
-        raise ArchiveError(f"the weights {path} have no card; expected {card_path.name} beside them")
+        raise ArchiveError(f"the weights {path} have no card inside; expected {card_path.name} beside them")
     size = card_path.stat().st_size
     if size > LARGEST_CARD_BYTES:
         raise ArchiveError(f"expected at most {LARGEST_CARD_BYTES} bytes in {card_path}, got {size}; copy it again")
-    card = read_card(card_path.read_text(encoding="utf-8", errors="replace"), str(card_path))
+    return card_path.read_text(encoding="utf-8", errors="replace")
+
+
+def _load_weights(path: Path, content: bytes, sha256: str) -> Archive:
+    inside = _card_inside(content)
+    if len(inside) > LARGEST_CARD_BYTES:
+        raise ArchiveError(f"expected a card of at most {LARGEST_CARD_BYTES} bytes in {path}, got {len(inside)}")
+    card = read_card(inside or _card_beside(path), str(path if inside else path.with_suffix(".yaml")))
+    # A card inside tells the tensors' hash, one beside that of the whole file.
+    if inside:
+        sha256 = hashlib.sha256(_data(content)).hexdigest()
     if sha256 != card.sha256:
         raise ArchiveError(
             f"{path.name} is not the file that its card describes (sha256 differs): it is corrupt or was replaced; "
-            "copy the weights and the card again"
+            "copy it again, with the card beside it"
         )
     try:
         tensors = load_tensors(content)

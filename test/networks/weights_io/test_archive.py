@@ -16,6 +16,7 @@ from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.networks.weights_io.archive import ArchiveError, Card
+from radcam_depth_ros.networks.weights_io.card import card_text
 
 ARCHITECTURE = {"channel_attention": False, "position_attention": False, "bidirectional": False}
 
@@ -31,10 +32,12 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def copied(weights: Path, tmp_path: Path) -> Path:
-    for suffix in (".safetensors", ".yaml"):
-        source = weights.with_suffix(suffix)
-        (tmp_path / source.name).write_bytes(source.read_bytes())
-    return tmp_path / weights.name
+    """The same as earlier versions wrote them: with the card beside them alone, and the hash of the whole file."""
+    path = tmp_path / weights.name
+    save_file(load_file(weights), path)
+    path.with_suffix(".yaml").write_bytes(weights.with_suffix(".yaml").read_bytes())
+    rewrite_card(path, sha256=hashlib.sha256(path.read_bytes()).hexdigest())
+    return path
 
 
 def inputs() -> tuple[torch.Tensor, ...]:
@@ -100,12 +103,30 @@ def test_missing_files(tmp_path: Path) -> None:
 
 def test_a_missing_card(copied: Path) -> None:
     copied.with_suffix(".yaml").unlink()
-    with pytest.raises(ArchiveError, match=r"have no card; expected baff\.yaml"):
+    with pytest.raises(ArchiveError, match=r"have no card inside; expected baff\.yaml"):
         archive.load(copied)
 
 
-def test_corrupt_weights(copied: Path) -> None:
-    data = bytearray(copied.read_bytes())
+def test_the_card_travels_inside_and_the_one_beside_is_for_people(weights: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "alone.safetensors"
+    alone.write_bytes(weights.read_bytes())
+    card = archive.load(alone).card
+    assert card == archive.load(weights).card
+    assert yaml.safe_load(weights.with_suffix(".yaml").read_text()) == yaml.safe_load(card_text(card))
+    alone.with_suffix(".yaml").write_text("- 1")
+    assert archive.load(alone).card == card
+
+
+def test_weights_of_earlier_versions_are_loaded_with_the_card_beside_them(weights: Path, copied: Path) -> None:
+    new, old = archive.load(weights), archive.load(copied)
+    assert old.card.architecture == new.card.architecture
+    for name, value in new.network.state_dict().items():
+        assert torch.equal(old.network.state_dict()[name], value)
+
+
+@pytest.mark.parametrize("is_old", [False, True])
+def test_corrupt_weights(is_old: bool, weights: Path, copied: Path) -> None:
+    data = bytearray((copied if is_old else weights).read_bytes())
     data[-100] ^= 255
     copied.write_bytes(data)
     with pytest.raises(ArchiveError, match="sha256 differs"):
@@ -188,7 +209,7 @@ def test_nothing_half_written_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     def fail(*_: object, **__: object) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr(archive, "save_file", fail)
+    monkeypatch.setattr(Path, "write_bytes", fail)
     network = networks.create("baff", ARCHITECTURE)
     with pytest.raises(FileError, match="disk full"):
         archive.save(network, Card.of(network, "baff", "nothing"), tmp_path / "baff.safetensors")

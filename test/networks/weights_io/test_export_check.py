@@ -204,7 +204,7 @@ def test_the_bytes_that_were_checked_are_the_bytes_that_are_loaded(
 def test_a_module_that_only_computes_needs_a_card_all_the_same(tmp_path: Path) -> None:
     path = tmp_path / "computes.pt"
     path.write_bytes(made(Computes()))
-    with pytest.raises(ArchiveError, match="holds no card"):
+    with pytest.raises(ArchiveError, match="the card does not fit"):
         archive.load(path)
 
 
