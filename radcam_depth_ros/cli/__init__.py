@@ -23,6 +23,7 @@ from radcam_depth_ros.cli.replay import replay
 from radcam_depth_ros.cli.simulate import simulate
 from radcam_depth_ros.cli.train import train
 from radcam_depth_ros.cli.view import view
+from radcam_depth_ros.printable import printable
 
 BAD_INPUT = 2
 """Exit code for errors that a user can fix; the message on stderr says how."""
@@ -51,7 +52,7 @@ def _warning_line(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
 ) -> str:
     """A warning as its sentence alone, without the line of code that it comes from."""
-    return f"radcam-depth: {message}\n"
+    return f"radcam-depth: {printable(str(message))}\n"
 
 
 def main() -> None:
@@ -78,5 +79,5 @@ _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG,
 
 
 def _refuse(sentence: str) -> None:
-    print(f"radcam-depth: {sentence}", file=sys.stderr)
+    print(f"radcam-depth: {printable(sentence)}", file=sys.stderr)
     sys.exit(BAD_INPUT)

@@ -21,7 +21,7 @@ from radcam_depth_ros.cli.terminal.options import (
     progress_bar,
     write_json,
 )
-from radcam_depth_ros.reporting.terminal import print_table
+from radcam_depth_ros.reporting.terminal import PlainConsole, print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.calibration import Report, RoadReport, SensorReport
@@ -107,7 +107,7 @@ def check_calibration(
     else:
         _print(report)
     if report.pictures:
-        Console(stderr=True).print(f"{out}: {len(report.pictures)} pictures", markup=False, soft_wrap=True)
+        PlainConsole(stderr=True).print(f"{out}: {len(report.pictures)} pictures", markup=False, soft_wrap=True)
     if report.verdict == calibration.SUSPECT:
         raise typer.Exit(_SUSPECT_EXIT)
 
@@ -131,13 +131,13 @@ def _print_road(report: RoadReport, json_target: str | None, write_params: Path 
             if value.value is not None
         )
         inspection.write_parameters(write_params, inspection.Suggestion(settings), Path(report.bag).name)
-        Console(stderr=True).print(f"parameters: {write_params}", markup=False, soft_wrap=True)
+        PlainConsole(stderr=True).print(f"parameters: {write_params}", markup=False, soft_wrap=True)
     if report.verdict == calibration.SUSPECT:
         raise typer.Exit(_SUSPECT_EXIT)
 
 
 def _print_road_table(report: RoadReport) -> None:
-    console = Console()
+    console = PlainConsole()
     console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
     console.print(report.verdict, style=_STYLES[report.verdict])
 
@@ -166,7 +166,7 @@ def _numbers(text: str | None) -> tuple[float, ...]:
 
 
 def _print(report: Report) -> None:
-    console = Console()
+    console = PlainConsole()
     console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
     console.print(report.verdict, style=_STYLES[report.verdict])
     for sensor in report.sensors:

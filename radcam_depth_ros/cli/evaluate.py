@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
@@ -31,7 +30,8 @@ from radcam_depth_ros.cli.terminal.options import (
     progress_bar,
     write_json,
 )
-from radcam_depth_ros.reporting.terminal import print_table
+from radcam_depth_ros.printable import printable
+from radcam_depth_ros.reporting.terminal import PlainConsole, print_table
 
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings, Sample
@@ -285,9 +285,9 @@ def _write_report(path: Path, measured: _Measured) -> None:
 
 
 def _print(facts: Iterable[Fact], tables: Iterable[Table]) -> None:
-    console = Console()
+    console = PlainConsole()
     for fact in facts:
         # Not as markup: a path may hold brackets.
-        console.print(Text.assemble((f"{fact.name}: ", "dim"), fact.value))
+        console.print(Text.assemble((f"{fact.name}: ", "dim"), printable(fact.value)))
     for table in tables:
         print_table(console, table.title, table.columns, table.rows, table.note)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from radcam_depth_ros.cli.terminal.options import NETWORK, ModelOption, NetworkOption, keep_apart
+from radcam_depth_ros.printable import printable
 
 
 def export(
@@ -23,4 +24,4 @@ def export(
 
     keep_apart((out,), (model,))
     torchscript.export(archive.load(model or network or NETWORK), out)
-    typer.echo(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB", err=True)
+    typer.echo(printable(f"wrote {out}, {out.stat().st_size / 1e6:.1f} MB"), err=True)

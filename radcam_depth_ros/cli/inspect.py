@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.options import Bag, JsonOption, keep_apart, progress_bar, write_json
+from radcam_depth_ros.reporting.terminal import PlainConsole
 
 
 def inspect(
@@ -51,6 +51,6 @@ def inspect(
         why = "see above" if json_target is None else report.missing
         raise RadcamDepthError(f"{target} is not written, since no parameters fit {bag}: {why}")
     inspection.write_parameters(target, report.suggestion, bag.name)
-    Console(stderr=True).print(
+    PlainConsole(stderr=True).print(
         f"parameters: {target}; start the node with --ros-args --params-file {target}", markup=False, soft_wrap=True
     )

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.console import Console
-
 from radcam_depth_ros.cli.terminal.options import JsonOption, write_json
-from radcam_depth_ros.reporting.terminal import print_table
+from radcam_depth_ros.reporting.terminal import PlainConsole, print_table
 
 
 def networks(json_target: JsonOption = None) -> None:
@@ -26,7 +24,7 @@ def networks(json_target: JsonOption = None) -> None:
         trained_on = entry["training_data"] if entry["weights"] else f"none come with it: {entry['train']}"
         rows.append((entry["name"], entry["about"], f"{entry['parameters'] / 1e6:.2f} M", trained_on))
     columns = ("name", "what it is", "parameters", "its weights were trained on")
-    print_table(Console(), "networks", columns, rows, justify="left")
+    print_table(PlainConsole(), "networks", columns, rows, justify="left")
 
 
 def _entry(name: str) -> dict[str, Any]:

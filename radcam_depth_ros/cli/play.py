@@ -6,9 +6,9 @@ import signal
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.options import Bag, needs_ros, progress_bar
+from radcam_depth_ros.reporting.terminal import PlainConsole
 
 if TYPE_CHECKING:
     from radcam_depth_ros.bag_player import Progress
@@ -34,7 +34,7 @@ def play(
 
     Example: radcam-depth simulate out/played --seed 7 --frames 20 && radcam-depth play out/played --clock --rate 2
     """
-    console = Console(stderr=True)
+    console = PlainConsole(stderr=True)
     # A shell has it ignored of what it starts in the background, such as by a script or a launch file.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

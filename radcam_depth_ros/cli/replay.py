@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.node_parameters import ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
@@ -31,7 +30,7 @@ from radcam_depth_ros.cli.terminal.options import (
     load_estimator,
     progress_bar,
 )
-from radcam_depth_ros.reporting.terminal import print_table
+from radcam_depth_ros.reporting.terminal import PlainConsole, print_table
 
 
 def replay(
@@ -106,4 +105,4 @@ def replay(
         )
     counts = (str(summary.images), str(summary.frames), str(summary.without_radar))
     columns = ("images", "depth images", "without radar in view")
-    print_table(Console(stderr=True), str(out), columns, (counts,))
+    print_table(PlainConsole(stderr=True), str(out), columns, (counts,))

@@ -31,6 +31,7 @@ from radcam_depth_ros.cli.terminal.options import (
     ValidationBagsOption,
     keep_apart,
 )
+from radcam_depth_ros.reporting.terminal import PlainConsole
 
 if TYPE_CHECKING:
     from radcam_depth_ros.training.data.cache import CacheSettings
@@ -81,7 +82,7 @@ def train(
     from radcam_depth_ros.training.initial import Sources
 
     with joined() as ranks:
-        console = Console(stderr=True, quiet=not ranks.is_first)
+        console = PlainConsole(stderr=True, quiet=not ranks.is_first)
         asked = _Request(
             out=out,
             network=network,

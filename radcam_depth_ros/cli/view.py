@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from radcam_depth_ros.cli.terminal.node_parameters import NodeParameters, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
@@ -26,6 +25,7 @@ from radcam_depth_ros.cli.terminal.options import (
     needs_ros,
     progress_bar,
 )
+from radcam_depth_ros.reporting.terminal import PlainConsole
 
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings
@@ -96,7 +96,7 @@ def view(
     else:
         is_estimated = network is not None or model is not None
         shown = _view_bag(bag, save, depth, node, options, is_estimated=is_estimated)
-    Console(stderr=True).print(f"{save}: {shown} pictures", markup=False, soft_wrap=True)
+    PlainConsole(stderr=True).print(f"{save}: {shown} pictures", markup=False, soft_wrap=True)
 
 
 def _is_live(bag: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from radcam_depth_ros.files import write_text
 from radcam_depth_ros.frame import GroundPlane
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
 from radcam_depth_ros.geometry import TransformTree
+from radcam_depth_ros.printable import printable
 
 COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
 
@@ -99,10 +101,10 @@ def write_parameters(path: Path | str, suggestion: Suggestion, source: str) -> N
         RadcamDepthError: for parameters that the node would refuse, or a file that cannot be written.
     """
     check_parameters(suggestion.parameters)
-    lines = [f"# Parameters of the node radcam_depth for {source}; all others are in config/node_all.yaml."]
+    lines = [f"# Parameters of the node radcam_depth for {printable(source)}; all others are in config/node_all.yaml."]
     lines += ["/**:", "  ros__parameters:"]
     for setting in suggestion.settings:
-        lines += [f"    # {setting.reason}", f"    {'' if setting.is_needed else '# '}{_entry(setting)}"]
+        lines += [f"    # {printable(setting.reason)}", f"    {'' if setting.is_needed else '# '}{_entry(setting)}"]
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -118,7 +120,12 @@ def check_parameters(parameters: Mapping[str, object]) -> None:
 
 
 def _entry(setting: Setting) -> str:
+    """A line of YAML, whatever the value: what is not plain is quoted, and spelled out where it cannot be printed."""
+    if isinstance(setting.value, str) and not setting.value.isprintable():
+        return f"{setting.name}: {json.dumps(setting.value)}"
+    if isinstance(setting.value, list) and not all(str(item).isprintable() for item in setting.value):
+        return f"{setting.name}: {json.dumps(setting.value)}"
     # A list on one line, as ROS's own parameter files have it; safe_dump would put braces around a single value.
     style = None if isinstance(setting.value, list) else False
-    text: str = yaml.safe_dump({setting.name: setting.value}, default_flow_style=style, width=10_000)
+    text: str = yaml.safe_dump({setting.name: setting.value}, default_flow_style=style, width=10_000_000)
     return text.strip()

@@ -11,6 +11,7 @@ import numpy as np
 
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.messages import colorise
+from radcam_depth_ros.printable import printable
 from radcam_depth_ros.reporting.panel import Panel, Tile, draw_panel
 from radcam_depth_ros.reporting.pictures import DEPTH_TICKS_M, ERROR_M, FAR_M, NEAR_M, colour_error, encode, scale_share
 from radcam_depth_ros.reporting.plot import Plot, draw_plot
@@ -83,11 +84,11 @@ def write_report(
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{html.escape(title)}</title>
+<title>{_escaped(title)}</title>
 <style>{_STYLE}{_scale_style()}</style>
 </head>
 <body>
-<h1>{html.escape(title)}</h1>
+<h1>{_escaped(title)}</h1>
 {body}
 </body>
 </html>
@@ -100,15 +101,15 @@ def _data_uri(kind: str, data: bytes) -> str:
 
 
 def _facts(facts: Sequence[Fact]) -> str:
-    lines = (f"<div><dt>{html.escape(fact.name)}</dt><dd>{html.escape(fact.value)}</dd></div>" for fact in facts)
+    lines = (f"<div><dt>{_escaped(fact.name)}</dt><dd>{_escaped(fact.value)}</dd></div>" for fact in facts)
     return f"<dl>{''.join(lines)}</dl>" if facts else ""
 
 
 def _table(table: Table) -> str:
-    head = "".join(f'<th scope="col">{html.escape(column)}</th>' for column in table.columns)
-    rows = "\n".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
-    note = f"\n<p>{html.escape(table.note)}</p>" if table.note else ""
-    return f"""<section><h2>{html.escape(table.title)}</h2>
+    head = "".join(f'<th scope="col">{_escaped(column)}</th>' for column in table.columns)
+    rows = "\n".join(f"<tr>{''.join(f'<td>{_escaped(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
+    note = f"\n<p>{_escaped(table.note)}</p>" if table.note else ""
+    return f"""<section><h2>{_escaped(table.title)}</h2>
 <div class="wide"><table><thead><tr>{head}</tr></thead><tbody>
 {rows}
 </tbody></table></div>{note}</section>"""
@@ -120,13 +121,13 @@ def _plots(plots: Sequence[Plot]) -> str:
 
 
 def _drawing(plot: Plot) -> str:
-    note = f"<p>{html.escape(plot.note)}</p>" if plot.note else ""
+    note = f"<p>{_escaped(plot.note)}</p>" if plot.note else ""
     return _captioned(plot.title, _data_uri("svg+xml", draw_plot(plot)), note)
 
 
 def _panel(panel: Panel) -> str:
     figures = "\n".join(_figure(tile, is_photo=index == 0) for index, tile in enumerate(draw_panel(panel)))
-    return f'<section><h2>{html.escape(panel.title)}</h2>\n<div class="tiles">\n{figures}\n</div></section>'
+    return f'<section><h2>{_escaped(panel.title)}</h2>\n<div class="tiles">\n{figures}\n</div></section>'
 
 
 def _figure(tile: Tile, is_photo: bool) -> str:
@@ -137,7 +138,7 @@ def _figure(tile: Tile, is_photo: bool) -> str:
 
 
 def _captioned(title: str, source: str, below: str) -> str:
-    name = html.escape(title)
+    name = _escaped(title)
     return f'<figure><figcaption>{name}</figcaption><img alt="{name}" src="{source}">{below}</figure>'
 
 
@@ -166,3 +167,7 @@ def _scale_style() -> str:
         f".scale.{name} {{ background-image: url({_data_uri('png', encode(image))}); }}\n"
         for name, image in (("depth", depth), ("error", error))
     )
+
+
+def _escaped(text: str) -> str:
+    return html.escape(printable(text))

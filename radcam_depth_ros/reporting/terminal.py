@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
@@ -11,7 +12,22 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
+from radcam_depth_ros.printable import printable
+
 _INDENT, _GAP = "  ", "   "
+
+
+class PlainConsole(Console):
+    """rich's console for texts that others gave: no markup in them, and no control characters."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(markup=False, **settings)
+
+    def print(self, *objects: Any, **settings: Any) -> None:
+        """As rich has it."""
+        super().print(*(printable(item) if isinstance(item, str) else item for item in objects), **settings)
+
+
 _NOTHING = "-"
 _UNBOUNDED = 100_000
 
@@ -38,7 +54,8 @@ def print_table(
         note: Below the table; explains its terms.
         justify: Of all columns but the first: `right` for numbers, `left` for words.
     """
-    console.print(Text(title, style="table.title"))
+    columns, rows = [printable(column) for column in columns], [[printable(cell) for cell in row] for row in rows]
+    console.print(Text(printable(title), style="table.title"))
     head, *body = tuple(zip(columns, *rows, strict=True))
     for table in (
         _grid(columns, rows, justify),
@@ -51,7 +68,7 @@ def print_table(
     else:
         _print_blocks(console, columns, rows)
     if note:
-        console.print(Text(note, style="table.caption"))
+        console.print(Text(printable(note), style="table.caption"))
 
 
 def _grid(

@@ -10,14 +10,14 @@ from radcam_depth_ros.benchmarking.figures import AgainstFigures, PairFigures, R
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT
 from radcam_depth_ros.benchmarking.sections import GFLOP_COUNTING
 from radcam_depth_ros.benchmarking.subject import Size
-from radcam_depth_ros.reporting.terminal import print_table
+from radcam_depth_ros.reporting.terminal import PlainConsole, print_table
 
 COLUMNS = ("median ms", "p99 ms", "GFLOP", "of best", "MiB")
 
 
 def print_report(report: Report) -> None:
     """Prints everything to the terminal."""
-    console = Console()
+    console = PlainConsole()
     described, machine = report.described, report.machine
     console.print(f"{machine.gpu or machine.cpu}, {machine.threads} threads, {' '.join(machine.flags)}", markup=False)
     for precision, kinds in report.best_gflops.items():

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from rich.console import Console
 
 from radcam_depth_ros.inspection import CameraFacts, CloudFacts, Report, TopicFacts
-from radcam_depth_ros.reporting.terminal import print_table
+from radcam_depth_ros.reporting.terminal import PlainConsole, print_table
 
 _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 
 
 def print_report(report: Report) -> None:
     """Prints everything to the terminal."""
-    console = Console()
+    console = PlainConsole()
     _print_topics(console, report)
     print_table(console, "contents", ("topic", "what it has"), tuple(_contents(report)), justify="left")
     if report.frames:

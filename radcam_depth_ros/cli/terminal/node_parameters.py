@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 # What is heavy to import is imported where it is used: --help answers at once.
+from radcam_depth_ros.printable import printable
+
 if TYPE_CHECKING:
     from radcam_depth_ros.drive import DriveSettings, TopicChoice
     from radcam_depth_ros.parameters import NodeConfig, ParameterFile
@@ -81,7 +83,7 @@ def node_parameters(
     named: dict[str, Any] = {}
     if file is not None:
         for old, new in file.renamed:
-            typer.echo(f"{file.path}: {old} is now called {new}; rename it", err=True)
+            typer.echo(f"{printable(str(file.path))}: {old} is now called {new}; rename it", err=True)
         config = _of_file(file)
         _name_what_has_no_effect(file, tuple(unused))
         named = _named_topics(config, file.namespace)
@@ -141,4 +143,4 @@ def _name_what_has_no_effect(file: ParameterFile, unused: tuple[str, ...]) -> No
     of_nodes = [f"{_QOS}*" if name.startswith(_QOS) else name for name in file.node_only]
     idle = dict.fromkeys((*of_nodes, *changed))
     if idle:
-        typer.echo(f"{file.path}: without effect here: {', '.join(idle)}", err=True)
+        typer.echo(printable(f"{file.path}: without effect here: {', '.join(idle)}"), err=True)

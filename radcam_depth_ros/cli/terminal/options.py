@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
+
+from radcam_depth_ros.reporting.terminal import PlainConsole
 
 # What is heavy to import is imported where it is used, here and in the verbs: --help answers at once.
 if TYPE_CHECKING:
@@ -180,7 +181,7 @@ def progress_bar() -> Iterator[Progress]:
         _RateColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with Progress(*columns, console=PlainConsole(stderr=True)) as progress:
         yield progress
 
 
