@@ -34,6 +34,7 @@ from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.vitals import Vitals
 from radcam_depth_ros.parameters import NODE_NAME, NodeConfig
 from radcam_depth_ros.pipeline import Pipeline
+from radcam_depth_ros.printable import printable
 
 DIAGNOSTICS_PERIOD_S = 1.0
 WARM_UP_SIZE = (800, 448)
@@ -270,6 +271,7 @@ class RadcamDepthNode(LifecycleNode):
 
     def _log(self, level: Level, line: str) -> None:
         logger: RcutilsLogger = LifecycleNode.get_logger(self)
+        line = printable(line)
         # rclpy wants one level for each place of a call.
         if level >= Level.ERROR:
             logger.error(line)

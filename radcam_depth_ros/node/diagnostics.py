@@ -10,6 +10,7 @@ from rclpy.node import Node
 from radcam_depth_ros.messages import MessageFactory
 from radcam_depth_ros.node.health import Level, Problems, Status, summary
 from radcam_depth_ros.node.vitals import Vitals
+from radcam_depth_ros.printable import printable
 
 _PARTS = ("camera", "radar", "calibration", "pairing", "inference", "output")
 
@@ -65,9 +66,11 @@ class Diagnostics:
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=bytes([status.level]),
             name=f"{self._node.get_name()}: {status.name}",
-            message=status.message,
+            message=printable(status.message),
             hardware_id=self._node.get_fully_qualified_name(),
-            values=[factory("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in status.values],
+            values=[
+                factory("diagnostic_msgs/msg/KeyValue", key=key, value=printable(value)) for key, value in status.values
+            ],
         )
 
     def _model(self, snapshot: Snapshot) -> Status:

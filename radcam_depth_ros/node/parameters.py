@@ -16,6 +16,7 @@ from rclpy.parameter import Parameter
 
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.parameters import (
+from radcam_depth_ros.printable import printable
     PARAMETERS,
     RENAMED,
     NodeConfig,
@@ -136,7 +137,7 @@ class Parameters:
                 for name, value in changes.items():
                     _BY_NAME[name].convert(value)
         except RadcamDepthError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=False, reason=printable(str(error)))
         return SetParametersResult(successful=True)
 
     def _is_frozen(self, spec: ParameterSpec, value: Any) -> bool:
