@@ -16,7 +16,6 @@ from rclpy.parameter import Parameter
 
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.parameters import (
-from radcam_depth_ros.printable import printable
     PARAMETERS,
     RENAMED,
     NodeConfig,
@@ -25,6 +24,7 @@ from radcam_depth_ros.printable import printable
     ParameterSpec,
     build_config,
 )
+from radcam_depth_ros.printable import printable
 
 _BY_NAME = {spec.name: spec for spec in PARAMETERS}
 TYPES = {kind: Parameter.Type[kind.name] for kind in ParameterKind}
