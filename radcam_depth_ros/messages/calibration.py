@@ -111,25 +111,25 @@ def _read(info: Any) -> _Published:
             f"expected a calibrated camera with positive focal lengths in camera_info, got k={k.tolist()}; "
             "calibrate the camera, or give the driver its calibration file"
         )
-    rectified = p.reshape(3, 4)[:, :3] if p[0] > 0 else raw
+    rectified = p.reshape(3, 4)[:, :3] if p.any() else raw
     for name, matrix in (("k", raw), ("p", rectified)):
-        if min(matrix[0, 0], matrix[1, 1]) < _SHORTEST_FOCAL_LENGTH_PX or matrix[2].tolist() != [0.0, 0.0, 1.0]:
+        # What is below the diagonal would be a rotation; with it, K may not be invertible.
+        is_triangular = matrix[1, 0] == 0 and matrix[2].tolist() == [0.0, 0.0, 1.0]
+        if min(matrix[0, 0], matrix[1, 1]) < _SHORTEST_FOCAL_LENGTH_PX or not is_triangular:
             raise MessageError(
-                f"expected positive focal lengths and a last row of 0 0 1 in camera_info's {name}, got "
+                f"expected positive focal lengths, 0 below them and a last row of 0 0 1 in camera_info's {name}, got "
                 f"{matrix.tolist()}; calibrate the camera"
             )
     model, distortion = _model(str(info.distortion_model), distortion)
     width, height, adjust = _published_region(info)
     check_image_size(width, height)
-    return _Published(
-        width,
-        height,
-        model,
-        distortion,
-        adjust @ raw,
-        _rotation(r.reshape(3, 3)),
-        adjust @ rectified,
-    )
+    rotation = _rotation(r.reshape(3, 3))
+    if rotation[2, 2] <= 0:
+        raise MessageError(
+            "expected a rectified camera that looks where the camera does, got a rotation of 90 degrees or more in "
+            f"camera_info's r, {rotation.reshape(-1).tolist()}; calibrate again"
+        )
+    return _Published(width, height, model, distortion, adjust @ raw, rotation, adjust @ rectified)
 
 
 def _values(info: Any, name: str, count: int) -> DoubleArray:
