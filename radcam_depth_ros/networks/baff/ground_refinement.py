@@ -32,14 +32,13 @@ class RoadVotes(nn.Module):
 
     Args:
         channels: Of the encoder's maps at 1/4, 1/8, 1/16, 1/32.
-        abstains: All votes count less on frames whose statistics say that the picture tells nothing.
     """
 
-    keeps_float32 = True  # trust and spread
+    keeps_float32 = True  # the trust
     vote_rows: Final[float] = VOTE_ROWS
     span_px: Final[float] = SPAN_PX
 
-    def __init__(self, channels: tuple[int, ...], abstains: bool) -> None:
+    def __init__(self, channels: tuple[int, ...]) -> None:
         super().__init__()
         self.up = UpSum(channels[3], channels[2], FEATURES)
         self.features = ConvBlock(FEATURES, FEATURES)
@@ -47,30 +46,25 @@ class RoadVotes(nn.Module):
         self.votes = PlanarConv(FEATURES, torch.zeros(2))
         # Logarithms of what is told, of the three coefficients; first where it is assumed, then where it is known.
         self.trust = nn.Parameter(torch.tensor([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]))
-        self.gate = FromStatistics(torch.full((1,), 3.0)) if abstains else None
-        # Logarithm of a vote's standard deviation, were it the only one.
-        self.spread = nn.Parameter(torch.full((1,), -1.0)) if abstains else None
 
-    def forward(self, maps: list[Tensor], ground: Tensor, statistics: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, maps: list[Tensor], ground: Tensor, heard: Tensor) -> tuple[Tensor, Tensor]:
         """Corrects the road.
 
         Args:
             maps: Of the encoder.
             ground: (B, 4) a, b, c, and whether known.
-            statistics: (B, 10), as `FrameStatistics` has them.
+            heard: (B, 1) float32, 0 to 1, how much all votes count, see `RoadDoubt`.
 
         Returns:
-            The same with a, b, c corrected, and the covariance (B, 3, 3) of the correction, as `deviation` takes
-            it: of height, pitch and roll in one.
+            The same with a, b, c corrected, and the covariance (B, 3, 3) of the correction, as `deviation` takes it: of
+            height, pitch and roll in one, for votes of deviation 1.
         """
         votes = self.votes(self.features(self.up(maps[3], maps[2])))
         batch, rows, columns = votes.shape[0], votes.shape[2], votes.shape[3]
         x = self._places(columns, votes.device).reshape(1, 1, -1).expand(1, rows, -1)
         y = self._places(rows, votes.device).reshape(1, -1, 1).expand(1, -1, columns)
         places = torch.stack([x, y, torch.ones_like(x)], dim=-1).reshape(1, -1, 3)
-        weight = torch.sigmoid(votes[:, 1]).reshape(batch, -1, 1) / 16.0
-        if self.gate is not None:
-            weight = weight * torch.sigmoid(self.gate(statistics)).unsqueeze(2)
+        weight = heard.unsqueeze(2) * torch.sigmoid(votes[:, 1]).reshape(batch, -1, 1) / 16.0
         weighted = places * weight
         trust = torch.exp(torch.where(ground[:, 3:] > 0.5, self.trust[1], self.trust[0]))
         # Products and sums, not matrix products: autocast would make those bfloat16.
@@ -78,15 +72,12 @@ class RoadVotes(nn.Module):
         inverse = _inverse(matrix)
         right = (weighted * votes[:, 0].reshape(batch, -1, 1)).sum(dim=1)
         x, y, z = (inverse * right.unsqueeze(1)).sum(dim=2).unbind(1)
-        covariance = inverse
-        if self.spread is not None:
-            covariance = inverse * torch.exp(2.0 * self.spread)
         # NaN, where nothing is told, would make the gradient NaN, too.
         step = self.vote_rows * torch.nan_to_num(ground[:, 1])
         middle_x, middle_y = 8.0 * columns - 0.5, 8.0 * rows - 0.5
         x, y = step * x / self.span_px, step * y / self.span_px
         z = step * z - x * middle_x - y * middle_y
-        return torch.cat([ground[:, :3] + torch.stack([x, y, z], dim=1), ground[:, 3:]], dim=1), covariance
+        return torch.cat([ground[:, :3] + torch.stack([x, y, z], dim=1), ground[:, 3:]], dim=1), inverse
 
     @torch.jit.export
     def deviation(self, covariance: Tensor, ground: Tensor, road_m: Tensor, stride: float) -> Tensor:
@@ -111,6 +102,25 @@ class RoadVotes(nn.Module):
     def _places(self, count: int, device: torch.device, stride: float = 16.0) -> Tensor:
         """Where pixels of `stride` are along an axis, from the image's middle, in spans."""
         return (torch.arange(count, device=device, dtype=torch.float32) + 0.5 - 0.5 * count) * stride / self.span_px
+
+
+class RoadDoubt(nn.Module):
+    """How much the votes count, and how uncertain they leave the road: a part of its own, which learns their worth.
+
+    Votes abstain on frames whose statistics say that the picture tells nothing.
+    """
+
+    keeps_float32 = True  # the spread
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gate = FromStatistics(torch.full((1,), 3.0))
+        # Logarithm of a vote's standard deviation, were it the only one.
+        self.spread = nn.Parameter(torch.full((1,), -1.0))
+
+    def forward(self, statistics: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, 10), as `FrameStatistics` has them, to how much votes count (B, 1), and the variance of one (1,)."""
+        return torch.sigmoid(self.gate(statistics)), torch.exp(2.0 * self.spread)
 
 
 def _inverse(matrix: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.baff.association import FEATURES, OUTSIDE, EmbeddingAssociation, PointEncoder
 from radcam_depth_ros.networks.baff.geometry_mix import EMPHASIS, GeometryMix
-from radcam_depth_ros.networks.baff.ground_refinement import RoadVotes
+from radcam_depth_ros.networks.baff.ground_refinement import RoadDoubt, RoadVotes
 from radcam_depth_ros.networks.baff.head import Choice, QuarterFusion
 from radcam_depth_ros.networks.baff.regions import RegionAssociation, check_region_width
 from radcam_depth_ros.networks.baff.sky import SkyHead
@@ -145,7 +145,7 @@ class Baff(Network):
     about = "association, then attention fusion (Electronics 2025)"
     config_type = BaffConfig
     stride: Final[int] = STRIDE
-    parts = ("context", "encoder", "association", "road", "fusion", "sky", "mix")
+    parts = ("context", "encoder", "association", "road", "doubt", "fusion", "sky", "mix")
     sections = (
         ("rasterise", "rasterise"),
         ("image encoder", "encoder"),
@@ -195,7 +195,8 @@ class Baff(Network):
         self.keeps_told = config.geometry_mix
         self.statistics = FrameStatistics()
         has_road = config.road and config.ground_prior
-        self.road = RoadVotes(config.channels, config.geometry_mix) if has_road else None
+        self.road = RoadVotes(config.channels) if has_road else None
+        self.doubt = RoadDoubt() if has_road and config.geometry_mix else None
         self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
         self.sky = SkyHead(config.channels[0]) if config.geometry_mix else None
         self.mix = GeometryMix(config.channels[0], config.detail) if config.geometry_mix else None
@@ -258,7 +259,11 @@ class Baff(Network):
         told = self._drawn(ground, image)
         if self.road is None:
             return Roads(told, told, told, torch.zeros_like(told))
-        ground_seen, covariance = self.road(maps, ground, statistics)
+        heard, variance = torch.ones_like(statistics[:, :1]), torch.ones_like(statistics[0, :1])
+        if self.doubt is not None:
+            heard, variance = self.doubt(statistics)
+        ground_seen, covariance = self.road(maps, ground, heard)
+        covariance = variance * covariance
         seen = self._drawn(ground_seen, image)
         used = seen
         if self.keeps_told:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks import TrainOutputs
 from radcam_depth_ros.networks.baff.geometry_mix import PLANES, GeometryMix
-from radcam_depth_ros.networks.baff.ground_refinement import RoadVotes
+from radcam_depth_ros.networks.baff.ground_refinement import RoadDoubt, RoadVotes
 from radcam_depth_ros.networks.baff.network import Baff
 from radcam_depth_ros.networks.baff.sky import SkyHead
 from radcam_depth_ros.networks.layers.image_statistics import TYPICAL, FrameStatistics, ImageStatistics
@@ -76,27 +78,36 @@ def test_a_told_road_is_used_to_the_digit_and_an_assumed_one_is_corrected() -> N
 
 def test_votes_that_abstain_leave_the_road_and_make_it_uncertain() -> None:
     torch.manual_seed(0)
-    votes = RoadVotes((8, 8, 8, 8), True).eval()
+    votes = RoadVotes((8, 8, 8, 8)).eval()
     with torch.no_grad():
         votes.votes.weight.normal_(std=0.3)
     maps = [torch.randn(1, 8, 16 >> level, 24 >> level) for level in range(4)]
-    statistics, road_m = torch.zeros(1, FrameStatistics.COUNT), torch.full((1, 1, 8, 12), 10.0)
-    heard, covariance = votes(maps, TOLD, statistics)
+    road_m = torch.full((1, 1, 8, 12), 10.0)
+    heard, covariance = votes(maps, TOLD, torch.ones(1, 1))
     certain = votes.deviation(covariance, TOLD, road_m, 8.0)
-    assert votes.gate is not None
-    with torch.no_grad():
-        votes.gate.last.bias.fill_(-30.0)
-    silent, covariance = votes(maps, TOLD, statistics)
+    silent, covariance = votes(maps, TOLD, torch.zeros(1, 1))
     uncertain = votes.deviation(covariance, TOLD, road_m, 8.0)
     assert (heard - TOLD).abs().max() > 1e-6
     torch.testing.assert_close(silent, TOLD)
     assert (uncertain > certain).all()
-    assert (covariance == covariance.transpose(1, 2)).all()
+    torch.testing.assert_close(covariance, covariance.transpose(1, 2))
+
+
+def test_how_much_votes_count_depends_on_the_frame() -> None:
+    torch.manual_seed(0)
+    doubt = RoadDoubt().eval()
+    with torch.no_grad():
+        doubt.gate.last.weight.normal_()
+    heard, variance = doubt(torch.randn(4, FrameStatistics.COUNT))
+    assert heard.shape == (4, 1)
+    assert ((heard > 0) & (heard < 1)).all()
+    assert heard.std() > 0.01
+    assert variance.item() == pytest.approx(math.exp(-2), rel=1e-5)
 
 
 def test_a_corrected_roads_deviation_is_that_of_its_samples() -> None:
     """Errors of the three coefficients, drawn by the covariance, make errors of depth of the deviation that is told."""
-    votes = RoadVotes((8, 8, 8, 8), True).eval()
+    votes = RoadVotes((8, 8, 8, 8)).eval()
     root = 0.02 * torch.tensor([[1.0, 0.0, 0.0], [0.3, 0.8, 0.0], [-0.5, 0.2, 1.2]])
     rows, columns = 4, 6
     inverse = (TOLD[0, 1] * (100.0 + 8.0 * torch.arange(rows))).reshape(1, 1, -1, 1).expand(1, 1, rows, columns)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from torch import Tensor, nn
 
 from radcam_depth_ros.networks.baff.ground_refinement import SPAN_PX, VOTE_ROWS, RoadVotes
-from radcam_depth_ros.networks.layers.image_statistics import FrameStatistics
 
 CHANNELS = (8, 8, 8, 8)
 ROWS, COLUMNS = 4, 6
@@ -29,13 +28,13 @@ class _Given(nn.Module):
 
 def road_of(votes: Tensor) -> RoadVotes:
     """Corrects a road by votes (B, 2, rows, columns) that are given, in place of those that an image says."""
-    road = RoadVotes(CHANNELS, abstains=False)
+    road = RoadVotes(CHANNELS)
     road.up, road.features, road.votes = _Given(votes), nn.Identity(), nn.Identity()  # type: ignore[assignment]  # stand-ins
     return road
 
 
 NO_MAPS = [torch.zeros(1)] * 4
-STATISTICS = torch.zeros(1, FrameStatistics.COUNT)
+HEARD = torch.ones(1, 1)
 
 
 def planar(x: float, y: float, z: float, weight: float) -> Tensor:
@@ -47,10 +46,10 @@ def planar(x: float, y: float, z: float, weight: float) -> Tensor:
 
 
 def test_an_untrained_correction_changes_nothing() -> None:
-    votes = RoadVotes(CHANNELS, abstains=False).eval()
+    votes = RoadVotes(CHANNELS).eval()
     maps = [torch.rand(1, 8, 2 * ROWS // 2**index, 2 * COLUMNS // 2**index) for index in range(2)]
     with torch.no_grad():
-        corrected, _ = votes([maps[0], maps[0], maps[0], maps[1]], TOLD, STATISTICS)
+        corrected, _ = votes([maps[0], maps[0], maps[0], maps[1]], TOLD, HEARD)
     torch.testing.assert_close(corrected, TOLD)
 
 
@@ -60,7 +59,7 @@ def test_the_plane_goes_through_votes_that_agree(x: float, y: float, z: float) -
     road = road_of(planar(x, y, z, 8.0))
     with torch.no_grad():
         road.trust.fill_(-20.0)
-        a, b, c, known = road(NO_MAPS, TOLD, STATISTICS)[0][0]
+        a, b, c, known = road(NO_MAPS, TOLD, HEARD)[0][0]
     step = VOTE_ROWS / 630 / 1.5
     u, v = 70.0, 20.0
     # In pixels, of which the middle of an image of 64 x 96 lies between two.
@@ -74,14 +73,14 @@ def test_votes_move_an_assumed_road_more_than_a_known_one() -> None:
     road = road_of(planar(0.0, 0.0, 1.0, 0.0))
     assumed = TOLD * torch.tensor([1.0, 1.0, 1.0, 0.0])
     with torch.no_grad():
-        moved = [float((road(NO_MAPS, ground, STATISTICS)[0] - ground)[0, 2]) for ground in (TOLD, assumed)]
+        moved = [float((road(NO_MAPS, ground, HEARD)[0] - ground)[0, 2]) for ground in (TOLD, assumed)]
     assert 0 < moved[0] < moved[1] < VOTE_ROWS / 630 / 1.5
 
 
 def test_where_nothing_is_told_nothing_comes_out_and_gradients_stay_finite() -> None:
     road = road_of(planar(0.1, 0.2, 0.3, 1.0).expand(2, -1, -1, -1))
     ground = torch.cat([TOLD, torch.full((1, 4), float("nan"))])
-    corrected, _ = road(NO_MAPS, ground, STATISTICS)
+    corrected, _ = road(NO_MAPS, ground, HEARD)
     assert torch.isfinite(corrected[0]).all()
     assert torch.isnan(corrected[1, :3]).all()
     torch.nan_to_num(corrected).sum().backward()
