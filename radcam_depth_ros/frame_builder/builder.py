@@ -10,6 +10,7 @@ import numpy as np
 
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.frame_builder.settings import TRANSFORM_TOPICS, FrameBuilderConfig, FrameBuilderError
+from radcam_depth_ros.frame_builder.transforms import TransformIntake
 from radcam_depth_ros.geometry import GeometryError, RigidTransform, TransformTree, ground_plane
 from radcam_depth_ros.messages import (
     Calibration,
@@ -48,6 +49,8 @@ class FrameBuilder:
         self.config = config
         self.transforms = TransformTree()
         self._mounts = Mounts(self.transforms, _LIVE_MEMORY)
+        refuses_jumps = config.static_transform_jumps == "refuse"
+        self._transform_intake = TransformIntake(self.transforms, self._mounts, refuses_jumps=refuses_jumps)
         self._last_sweeps: dict[int, tuple[RadarReading, int]] = {}  # by radar, with its time
         self.dropped_returns = dict.fromkeys(config.radars, 0)
         self.unmoved_frames = 0
@@ -87,6 +90,11 @@ class FrameBuilder:
         return self._motion.frame_problem if self._motion is not None else ""
 
     @property
+    def transform_problem(self) -> str:
+        """What `/tf_static` and `/tf` disagree in, or which static transform jumped; empty where nothing did."""
+        return self._transform_intake.problem
+
+    @property
     def counts(self) -> PairingCounts:
         """What was paired so far."""
         return self._pairer.counts
@@ -123,12 +131,9 @@ class FrameBuilder:
                 self._calibration = None
                 self._calibration = Calibration(message, image_is_rectified=self.config.image_is_rectified)
         elif topic in TRANSFORM_TOPICS:
-            links = decode_transforms(message)
-            for link in links:
-                self.transforms.set(link.parent_frame, link.child_frame, link.parent_from_child)
-                if topic == TRANSFORM_TOPICS[1]:
-                    self._mounts.add(link)
-            if topic == TRANSFORM_TOPICS[1] and self._motion is not None and not self.config.odometry:
+            is_static = topic == TRANSFORM_TOPICS[0]
+            links = self._transform_intake.add(decode_transforms(message), is_static=is_static)
+            if not is_static and self._motion is not None and not self.config.odometry:
                 self._motion.add_links(links)
         elif topic == self.config.odometry and self._motion is not None:
             self._motion.add(message)

@@ -13,6 +13,7 @@ from radcam_depth_ros.setting import check_choices, setting
 TRANSFORM_TOPICS = ("/tf_static", "/tf")
 COMPRESSED_SUFFIX = "/compressed"
 """What image_transport adds to a topic's name for compressed images."""
+JUMPS = ("follow", "refuse")
 WITHOUT_RADAR = ("camera_only", "hold", "suppress")
 """What becomes of an image without radar returns: depth of the camera alone, of older returns, or none."""
 
@@ -71,6 +72,13 @@ class FrameBuilderConfig:
         "base_footprint",
         "Frame on the road under the vehicle (REP 105). /tf_static gives the camera's height and attitude above it, "
         "which help the network; the frame may be missing.",
+    )
+    static_transform_jumps: str = setting(
+        "follow",
+        "Handling of a transform on /tf_static that comes again, 0.1 m or 1 degree off or more. Diagnostics "
+        "tell it either way. follow: the new one counts. refuse: the first one counts, until the node is activated "
+        "again.",
+        choices=JUMPS,
     )
     camera_height_m: float = setting(
         0.0,

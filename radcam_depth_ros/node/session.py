@@ -183,7 +183,9 @@ class Session:
             )
             return
         dropped = self.frame_builder.dropped_returns.get(source.topic, 0)
-        if source is self.inputs.odometry and self.frame_builder.odometry_problem:
+        if source in self.inputs.transforms and self.frame_builder.transform_problem:
+            self._problems.report(source.part, Level.WARN, self._transform_problem())
+        elif source is self.inputs.odometry and self.frame_builder.odometry_problem:
             self._problems.report(source.part, Level.WARN, self.frame_builder.odometry_problem)
         elif dropped:
             self._problems.report(
@@ -194,6 +196,16 @@ class Session:
             )
         else:
             self._problems.settle(source.part)
+
+    def _transform_problem(self) -> str:
+        """What disagrees among transforms, and who publishes them."""
+        names = {
+            source.topic: sorted({entry.node_name for entry in self._node.get_publishers_info_by_topic(source.topic)})
+            for source in self.inputs.transforms
+        }
+        who = "; ".join(f"{topic} is published by {', '.join(found)}" for topic, found in names.items() if found)
+        problem = self.frame_builder.transform_problem
+        return f"{problem} ({who})" if who else problem
 
     def _hand_over(self, frames: tuple[Frame, ...]) -> None:
         if frames:

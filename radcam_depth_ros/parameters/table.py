@@ -23,6 +23,7 @@ SECTIONS = {
         "radar_frame": "frame_builder.radar_frame",
         "camera_from_radar": "frame_builder.camera_from_radar",
         "footprint_frame": "frame_builder.footprint_frame",
+        "static_transform_jumps": "frame_builder.static_transform_jumps",
         "camera_height_m": "frame_builder.camera_height_m",
         "camera_pitch_deg": "frame_builder.camera_pitch_deg",
         "camera_roll_deg": "frame_builder.camera_roll_deg",

@@ -105,6 +105,27 @@ def test_a_transform_that_is_none_is_named(start: Callable[..., Any]) -> None:
     bench.await_depth()
 
 
+def test_a_transform_that_contradicts_a_static_one_is_told_with_who_publishes_it_and_moves_nothing(
+    start: Callable[..., Any],
+) -> None:
+    bench = start(camera_from_radar=None)
+    bench.connect()
+    latch(bench, transforms("camera", "radar"))
+    bench.await_depth()
+    stray = StampedTransform("base_link", "radar", 0, RigidTransform(np.eye(3), np.array([15.0, 0.0, -0.5])))
+    bench.advertise("/tf", TFMESSAGE)
+    status = bench.send_until(
+        lambda: bench.status("calibration", "15.00 m"),
+        lambda: bench.send("/tf", encode_transforms(build_message, [stray])),
+        what="the conflict",
+    )
+    assert status.level == b"\x01"
+    assert "/tf_static is published by" in status.message
+    assert "/tf is published by" in status.message
+    pose = bench.node._session.frame_builder.transforms.lookup("base_link", "radar")
+    np.testing.assert_allclose(pose.translation, BASE_FROM_RADAR.translation)
+
+
 def turned(stamp_ns: int) -> RigidTransform:
     """A mount that turns to the left by 0.4 rad/s."""
     half = 0.2e-9 * (stamp_ns % 1_000_000_000_000)
