@@ -40,7 +40,7 @@ class EstimatorConfig:
     network: str = setting("baff", "Network whose weights come with the package.")
     model_file: str = setting(
         "",
-        "Weight file in place of the network's own. It is a .safetensors file with its card beside it, or a .pt file "
+        "Weight file in place of the network's own. It is a .safetensors file, or a .pt file "
         "of radcam-depth export, for which allow_exported must be true.",
     )
     allow_exported: bool = setting(
