@@ -20,7 +20,7 @@ from radcam_depth_ros.node.arrival import ArrivalClock
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
 from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
 from radcam_depth_ros.node.mailbox import Worker
-from radcam_depth_ros.node.stamps import SensorStamps, StampOffset
+from radcam_depth_ros.node.stamps import LostMessages, SensorStamps, StampOffset
 from radcam_depth_ros.node.topics.inputs import Input, Inputs, subscribe
 from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.warm_up import WarmUp
@@ -79,6 +79,9 @@ class Session:
         """Messages of each part, good ones and bad ones."""
         self.used = {source.part: 0 for source in inputs}
         """How many of them could be used."""
+        self.lost = {source.part: LostMessages() for source in inputs}
+        self.publishers: dict[str, int] = {}
+        """How many there are of each part, as far as that was looked up."""
         self.stamps = {source.part: SensorStamps() for source in (inputs.camera, *inputs.radars)}
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
         """Of each radar, as it is stamped: without `radar_time_offset_s`."""
@@ -127,9 +130,10 @@ class Session:
         self._subscriptions.clear()
         return self._worker.close(timeout_s)
 
-    def _on_message(self, source: Input, message: Any) -> None:
+    def _on_message(self, source: Input, message: Any, number: int | None) -> None:
         now_ns = time.monotonic_ns()
         self.rates[source.part].tick(now_ns)
+        self.lost[source.part].add(number, self.publishers.get(source.part, 0))
         try:
             frames = self._build(source, message, now_ns)
         except FrameBuilderError as error:

@@ -66,3 +66,28 @@ class StampOffset:
         offset_s = median_s + added_s
         spread_ns = float(np.subtract(*np.percentile(self._samples_ns, (90, 10))))
         return offset_s if spread_ns < abs(offset_s) * SECOND_NS / 4 else None
+
+
+class LostMessages:
+    """Counts messages that were published and never came, by the publisher's numbers.
+
+    A middleware's queue drops the oldest message silently while nobody takes any. Of several publishers on a topic the
+    numbers cannot be told apart, so that nothing is counted.
+
+    Attributes:
+        count: So many were lost.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._last: int | None = None
+
+    def add(self, number: int | None, publishers: int) -> None:
+        """Takes a message's number, None where the middleware gives none, and how many publishers there are."""
+        if not number or publishers != 1:
+            self._last = None
+            return
+        # A lower number is of a publisher that began anew.
+        if self._last is not None and number > self._last + 1:
+            self.count += number - self._last - 1
+        self._last = number

@@ -58,12 +58,15 @@ class Vitals:
     def _sensor(self, source: Input, silent_level: Level) -> Status:
         session = self._session
         rate = session.rates[source.part]
+        publishers = session.publishers[source.part] = self._node.count_publishers(source.topic)
         values: Values = (
             ("topic", source.topic),
             ("type", source.type_name),
-            ("publishers", str(self._node.count_publishers(source.topic))),
+            ("publishers", str(publishers)),
             ("messages", str(rate.count)),
             ("used", str(session.used[source.part])),
+            ("not usable", str(rate.count - session.used[source.part])),
+            ("lost before they came", str(session.lost[source.part].count)),
             *_pace(rate),
             *self._stamps(source),
             *self._problems.history(source.part),

@@ -6,7 +6,7 @@ import pytest
 
 from radcam_depth_ros.node.health import SECOND_NS, Level, Status, summary
 from radcam_depth_ros.node.latency import LATENCY_PARTS, FrameTimes
-from radcam_depth_ros.node.stamps import SensorStamps, StampOffset
+from radcam_depth_ros.node.stamps import LostMessages, SensorStamps, StampOffset
 
 MS = 1_000_000
 
@@ -18,6 +18,25 @@ def test_missing_messages_are_counted_by_the_gaps_that_they_leave() -> None:
     for step in kept:
         stamps.add(step * 100 * MS + rng.randint(-5, 5) * MS, 0)
     assert stamps.missing_share() == pytest.approx(1 - len(kept) / 120, abs=0.02)
+
+
+def test_what_was_published_and_never_came_is_counted() -> None:
+    lost = LostMessages()
+    for number in (7, 8, 11, 12, 20):
+        lost.add(number, 1)
+    assert lost.count == 2 + 7
+    for number in (1, 2, 4):  # a publisher that began anew
+        lost.add(number, 1)
+    assert lost.count == 10
+
+
+@pytest.mark.parametrize(("number", "publishers"), [(None, 1), (0, 1), (90, 2), (90, 0)])
+def test_numbers_that_tell_nothing_count_nothing(number: int | None, publishers: int) -> None:
+    lost = LostMessages()
+    lost.add(3, 1)
+    lost.add(number, publishers)
+    lost.add(120, 1)
+    assert lost.count == 0
 
 
 def test_neither_order_nor_duplicates_nor_a_pause_are_missing_messages() -> None:
