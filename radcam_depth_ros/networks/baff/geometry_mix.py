@@ -20,11 +20,12 @@ EMPHASIS = 10.0
 
 
 class GeometryMix(nn.Module):
-    """Weighs two experts for each pixel: the network, and the flat road as told or the nearest return.
+    """Weighs experts for each pixel: the network, and the flat road or the nearest return, whichever is nearer.
 
-    The weight goes both ways: geometry may be nearer or farther. It depends on features, on the network's own
-    confidence, on where the road is seen, told and how uncertain it is, on how near a return is, and on the statistics
-    of the whole frame. This module is not in the paper.
+    There is geometry on the road as told, and on the road that is used; they differ where the road is assumed alone.
+    Weights go both ways: geometry may be nearer or farther. They depend on features, on the network's own confidence,
+    on where the road is seen, told and how uncertain it is, on how near a return is, and on the statistics of the whole
+    frame. This module is not in the paper.
 
     Args:
         channels: Of the features of stage 2 at 1/4.
@@ -41,9 +42,10 @@ class GeometryMix(nn.Module):
         self.around = Projection(channels + PLANES, WIDTH, 3)
         self.here = Projection(channels + PLANES, WIDTH)
         self.whole = FromStatistics(torch.zeros(WIDTH))
-        # Weights of the parts of a pixel; what their confidence changes by; factor of the network's own.
+        # Weights of geometry, twice, for the parts of a pixel; what their confidence changes by; factor of the
+        # network's own.
         parts = detail * detail
-        bias = torch.cat([torch.full((parts,), -2.0), torch.zeros(parts), torch.ones(1)])
+        bias = torch.cat([torch.full((2 * parts,), -2.5), torch.zeros(parts), torch.ones(1)])
         self.head = PlanarConv(WIDTH, bias)
 
     def forward(
@@ -53,7 +55,8 @@ class GeometryMix(nn.Module):
         planes: Tensor,
         depth: Tensor,
         confidence_logit: Tensor,
-        geometry: Tensor,
+        told: Tensor,
+        used: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Mixes.
 
@@ -63,20 +66,22 @@ class GeometryMix(nn.Module):
             planes: (B, PLANES - 3, h, w) float32: what is known of the returns and the road, see `Baff`.
             depth: (B, 1, h detail, w detail), the plane of the network's own depth.
             confidence_logit: The same size, of its confidence.
-            geometry: The same size, the plane of geometry's depth.
+            told: The same size, the plane of geometry's depth on the road as told.
+            used: The same on the road that is used.
 
         Returns:
             The plane of the mix and the logit of its confidence, both (B, 1, h detail, w detail) float32.
         """
-        depth, geometry = depth.float(), geometry.float()
-        apart = self.emphasis * functional.avg_pool2d(geometry - depth, self.detail)
+        depth, told, used = depth.float(), told.float(), used.float()
+        apart = self.emphasis * functional.avg_pool2d(used - depth, self.detail)
         known = torch.cat([planes, apart, apart.abs(), functional.avg_pool2d(depth, self.detail)], dim=1)
         seen = torch.cat([features, known.to(features.dtype)], dim=1)
         x = self.here(seen) + double(self.around(functional.avg_pool2d(seen, 2)))
         x = self.activation(x + self.whole(statistics).to(x.dtype).unsqueeze(2).unsqueeze(3))
         parts = self.detail * self.detail
         raw = self.head(x)
-        weight = torch.sigmoid(functional.pixel_shuffle(raw[:, :parts], self.detail))
-        change = functional.pixel_shuffle(raw[:, parts : 2 * parts], self.detail)
-        factor = functional.interpolate(raw[:, 2 * parts :], scale_factor=float(self.detail))
-        return depth + weight * (geometry - depth), change + factor * confidence_logit.float()
+        logits = functional.pixel_shuffle(raw[:, : 3 * parts], self.detail)
+        weights = torch.softmax(torch.cat([torch.zeros_like(depth), logits[:, :2]], dim=1), dim=1)
+        factor = functional.interpolate(raw[:, 3 * parts :], scale_factor=float(self.detail))
+        mixed = weights[:, :1] * depth + weights[:, 1:2] * told + weights[:, 2:] * used
+        return mixed, logits[:, 2:] + factor * confidence_logit.float()

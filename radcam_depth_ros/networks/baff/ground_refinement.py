@@ -53,31 +53,32 @@ class RoadVotes(nn.Module):
         Args:
             maps: Of the encoder.
             ground: (B, 4) a, b, c, and whether known.
-            heard: (B, 1) float32, 0 to 1, how much all votes count, see `RoadDoubt`.
+            heard: (B, 1) float32, 0 to 1, how much of the correction is made, see `RoadDoubt`.
 
         Returns:
             The same with a, b, c corrected, and the covariance (B, 3, 3) of the correction, as `deviation` takes it: of
-            height, pitch and roll in one, for votes of deviation 1.
+            height, pitch and roll in one, for votes of deviation 1; it passes no gradient to `heard`.
         """
         votes = self.votes(self.features(self.up(maps[3], maps[2])))
         batch, rows, columns = votes.shape[0], votes.shape[2], votes.shape[3]
         x = self._places(columns, votes.device).reshape(1, 1, -1).expand(1, rows, -1)
         y = self._places(rows, votes.device).reshape(1, -1, 1).expand(1, -1, columns)
         places = torch.stack([x, y, torch.ones_like(x)], dim=-1).reshape(1, -1, 3)
-        weight = heard.unsqueeze(2) * torch.sigmoid(votes[:, 1]).reshape(batch, -1, 1) / 16.0
+        weight = torch.sigmoid(votes[:, 1]).reshape(batch, -1, 1) / 16.0
         weighted = places * weight
         trust = torch.exp(torch.where(ground[:, 3:] > 0.5, self.trust[1], self.trust[0]))
         # Products and sums, not matrix products: autocast would make those bfloat16.
-        matrix = (weighted.unsqueeze(3) * places.unsqueeze(2)).sum(dim=1) + torch.diag_embed(trust)
-        inverse = _inverse(matrix)
+        inverse = _inverse((weighted.unsqueeze(3) * places.unsqueeze(2)).sum(dim=1) + torch.diag_embed(trust))
         right = (weighted * votes[:, 0].reshape(batch, -1, 1)).sum(dim=1)
         x, y, z = (inverse * right.unsqueeze(1)).sum(dim=2).unbind(1)
         # NaN, where nothing is told, would make the gradient NaN, too.
-        step = self.vote_rows * torch.nan_to_num(ground[:, 1])
+        step = heard[:, 0] * self.vote_rows * torch.nan_to_num(ground[:, 1])
         middle_x, middle_y = 8.0 * columns - 0.5, 8.0 * rows - 0.5
         x, y = step * x / self.span_px, step * y / self.span_px
         z = step * z - x * middle_x - y * middle_y
-        return torch.cat([ground[:, :3] + torch.stack([x, y, z], dim=1), ground[:, 3:]], dim=1), inverse
+        certain = heard.detach().unsqueeze(2)
+        covariance = certain * inverse + (1.0 - certain) * torch.diag_embed(1.0 / trust)
+        return torch.cat([ground[:, :3] + torch.stack([x, y, z], dim=1), ground[:, 3:]], dim=1), covariance
 
     @torch.jit.export
     def deviation(self, covariance: Tensor, ground: Tensor, road_m: Tensor, stride: float) -> Tensor:

@@ -315,7 +315,8 @@ class Baff(Network):
         sky: Tensor | None = None
         if self.mix is not None and self.sky is not None:
             sky_logit = self.sky(image, choice.features)
-            near = torch.minimum(roads.told, functional.interpolate(geometry.nearest, scale_factor=float(self.detail)))
+            nearest = functional.interpolate(geometry.nearest, scale_factor=float(self.detail))
+            near, used = torch.minimum(roads.told, nearest), torch.minimum(roads.used, nearest).detach()
             planes = [
                 geometry.prior,
                 torch.sigmoid(functional.avg_pool2d(confidence_logit.float(), self.detail)),
@@ -325,7 +326,7 @@ class Baff(Network):
             ]
             # What the other parts learn is theirs: the mix takes it as it stands.
             known = torch.cat([values.detach().float() for values in planes], dim=1)
-            plane, confidence_logit = self.mix(statistics, choice.features, known, plane, confidence_logit, near)
+            plane, confidence_logit = self.mix(statistics, choice.features, known, plane, confidence_logit, near, used)
             sky = torch.sigmoid(sky_logit)
         semi_dense = self._agreed(best, depth, plane, confidence_logit)
         if self.mix is None and not self.training:

@@ -39,11 +39,12 @@ def test_the_depth_lies_between_the_networks_and_geometrys() -> None:
     mix = GeometryMix(8, 2).eval()
     with torch.no_grad():
         mix.head.weight.normal_(std=1.0, generator=generator)
-    depth, geometry = torch.rand(2, 1, 1, 16, 24, generator=generator)
+    depth, told, used = torch.rand(3, 1, 1, 16, 24, generator=generator)
     features = torch.rand(1, 8, 8, 12, generator=generator)
     planes, statistics = torch.rand(1, PLANES - 3, 8, 12), torch.rand(1, FrameStatistics.COUNT)
-    mixed, confidence = mix(statistics, features, planes, depth, torch.zeros_like(depth), geometry)
-    low, high = torch.minimum(depth, geometry), torch.maximum(depth, geometry)
+    mixed, confidence = mix(statistics, features, planes, depth, torch.zeros_like(depth), told, used)
+    experts = torch.stack([depth, told, used])
+    low, high = experts.amin(dim=0), experts.amax(dim=0)
     assert ((mixed >= low - 1e-6) & (mixed <= high + 1e-6)).all()
     assert (mixed != depth).any()
     assert confidence.shape == depth.shape
