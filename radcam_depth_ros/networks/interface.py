@@ -71,7 +71,7 @@ class TrainOutputs(NamedTuple):
 
     `road_m` is the depth of the road as the network corrected it, (B, 1, h, w) with the image's size or smaller by a
     whole factor; `told_m` is that of the road as it was told or assumed, and `road_deviation` the standard deviation of
-    the logarithm of `road_m`, both of the same size.
+    the logarithm of `road_m`, both of the same size. `heard` is how much of its correction was made, (B, 1), 0 to 1.
 
     `own_m` and `geometry_m` are the network's own depth and geometry's, between which the dense depth lies, and
     `sky_logit` is the logit of the sky, all (B, 1, h, w) likewise.
@@ -89,6 +89,7 @@ class TrainOutputs(NamedTuple):
     sky_logit: Tensor | None = None
     told_m: Tensor | None = None
     road_deviation: Tensor | None = None
+    heard: Tensor | None = None
 
 
 class Network(nn.Module):

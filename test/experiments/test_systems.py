@@ -13,7 +13,7 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.benchmarking.subject import Size
 from radcam_depth_ros.networks.weights_io import archive
 
-SMALL = {"backbone": "resnet18", "joined_channels": 16, "radar_channels": [4, 4, 4, 4, 4]}
+SMALL = {"backbone": "resnet18", "joined_channels": 16, "radar_channels": [8, 8, 8, 8, 8]}
 
 
 def test_networks_are_held_side_by_side(

@@ -115,7 +115,7 @@ class RoadDoubt(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.gate = FromStatistics(torch.full((1,), 3.0))
+        self.gate = FromStatistics(torch.full((1,), 1.0))
         # Logarithm of a vote's standard deviation, were it the only one.
         self.spread = nn.Parameter(torch.full((1,), -1.0))
 

@@ -41,12 +41,14 @@ class Roads(NamedTuple):
     seen: As the image shows it.
     used: What the network takes for the road: a told one to the digit, an assumed one as the image shows it.
     deviation: Standard deviation of the logarithm of the depth of `seen`.
+    heard: (B, 1), how much of the correction was made, 0 to 1.
     """
 
     told: Tensor
     seen: Tensor
     used: Tensor
     deviation: Tensor
+    heard: Tensor
 
 
 class Decision(NamedTuple):
@@ -246,6 +248,7 @@ class Baff(Network):
             sky_logit=decision.sky_logit,
             told_m=self._depth(roads.told),
             road_deviation=roads.deviation,
+            heard=None if self.doubt is None else roads.heard,
         )
 
     def _context(self, image: Tensor) -> list[Tensor]:
@@ -258,7 +261,7 @@ class Baff(Network):
         """The road as it is told, seen and used."""
         told = self._drawn(ground, image)
         if self.road is None:
-            return Roads(told, told, told, torch.zeros_like(told))
+            return Roads(told, told, told, torch.zeros_like(told), torch.ones_like(statistics[:, :1]))
         heard, variance = torch.ones_like(statistics[:, :1]), torch.ones_like(statistics[0, :1])
         if self.doubt is not None:
             heard, variance = self.doubt(statistics)
@@ -269,7 +272,7 @@ class Baff(Network):
         if self.keeps_told:
             used = torch.where(ground[:, 3:].unsqueeze(2).unsqueeze(3) > 0.5, told, seen)
         deviation = self.road.deviation(covariance, ground, self._depth(seen), self.stride / self.detail)
-        return Roads(told, seen, used, deviation)
+        return Roads(told, seen, used, deviation, heard)
 
     def _drawn(self, ground: Tensor, image: Tensor) -> Tensor:
         """A road's plane (B, 1, h detail, w detail)."""
@@ -329,7 +332,7 @@ class Baff(Network):
             plane, confidence_logit = self.mix(statistics, choice.features, known, plane, confidence_logit, near, used)
             sky = torch.sigmoid(sky_logit)
         semi_dense = self._agreed(best, depth, plane, confidence_logit)
-        if self.mix is None and not self.training:
+        if not self.training:
             plane = self.caution(plane, confidence_logit, near)
         size = (image.shape[2], image.shape[3])
         if self.detail < self.stride:

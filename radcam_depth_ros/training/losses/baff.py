@@ -13,7 +13,7 @@ from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
-from radcam_depth_ros.training.losses.road import deviation_loss, road_loss
+from radcam_depth_ros.training.losses.road import abstention_loss, deviation_loss, road_loss
 from radcam_depth_ros.training.losses.sky import sky_probability_loss
 from radcam_depth_ros.training.losses.truth import at_rows, without_narrow_sky
 
@@ -25,6 +25,7 @@ PARTS = (
     "ranges",
     "road",
     "road_deviation",
+    "abstention",
     "confidence",
     "sky",
     "geometry",
@@ -60,6 +61,7 @@ class LossConfig:
         geometry: Weight of how much farther off than geometry's the dense depth of a frame is, where both are mixed.
         ranges: Weight of the mean absolute error within 50 and 80 m, depths clipped to each, as they are measured.
         road_deviation: Weight of the likelihood of the corrected road's error, by the deviation that is told.
+        abstention: Weight of the binary cross entropy of how much of the road's correction is made.
     """
 
     association: float
@@ -82,6 +84,7 @@ class LossConfig:
     geometry: float
     ranges: float
     road_deviation: float
+    abstention: float
 
     def __post_init__(self) -> None:
         weights = (
@@ -100,6 +103,7 @@ class LossConfig:
             self.geometry,
             self.ranges,
             self.road_deviation,
+            self.abstention,
         )
         if min(weights) < 0:
             raise TrainingError(f"loss weights must not be negative, got {min(weights)}")
@@ -310,8 +314,10 @@ def _mix_losses(
     total = total + config.log_depth * log_depth_loss(outputs.own_m, truth_m, max_depth_m, ranks)
     parts["geometry"] = geometry_loss(outputs.depths.dense.float(), outputs.geometry_m, accumulated_m, ranks)
     if outputs.road_m is not None and outputs.road_deviation is not None:
+        if outputs.heard is not None:
+            parts["abstention"] = abstention_loss(outputs.heard, batch.readable, ranks)
         parts["road_deviation"] = deviation_loss(
             outputs.road_deviation, outputs.road_m, accumulated_m, batch.classes, ranks
         )
     total = total + config.sky_probability * parts["sky"] + config.geometry * parts["geometry"]
-    return total + config.road_deviation * parts["road_deviation"]
+    return total + config.road_deviation * parts["road_deviation"] + config.abstention * parts["abstention"]

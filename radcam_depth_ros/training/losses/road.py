@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
@@ -56,6 +57,20 @@ def deviation_loss(deviation: Tensor, road_m: Tensor, truth_m: Tensor, classes: 
     # A Laplace distribution's mean absolute difference is 1 / sqrt(2) of its deviation.
     spread = (deviation / 2**0.5).clamp(min=1e-3)
     return masked_mean(difference / spread + torch.log(spread), counts, ranks)
+
+
+def abstention_loss(heard: Tensor, readable: Tensor, ranks: Ranks = ALONE) -> Tensor:
+    """Binary cross entropy of how much of the correction is made against whether the picture tells anything.
+
+    The road's error alone teaches it too slowly: it falls little before hardly any vote is heard.
+
+    Args:
+        heard: (B, 1), 0 to 1.
+        readable: (B,) bool.
+        ranks: As in `association_loss`.
+    """
+    entropy = functional.binary_cross_entropy(heard.clamp(1e-4, 1 - 1e-4), readable.float()[:, None], reduction="none")
+    return masked_mean(entropy, torch.ones_like(entropy), ranks)
 
 
 def _road_error(road_m: Tensor, truth_m: Tensor, classes: Tensor) -> tuple[Tensor, Tensor]:

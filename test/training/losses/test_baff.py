@@ -21,7 +21,7 @@ from radcam_depth_ros.training.losses.baff import (
     total_loss,
 )
 from radcam_depth_ros.training.losses.registry import Criterion
-from radcam_depth_ros.training.losses.road import deviation_loss, road_loss
+from radcam_depth_ros.training.losses.road import abstention_loss, deviation_loss, road_loss
 from radcam_depth_ros.training.losses.sky import sky_probability_loss
 from radcam_depth_ros.training.losses.truth import without_narrow_sky
 
@@ -270,6 +270,12 @@ def test_a_roads_deviation_is_likeliest_at_its_error() -> None:
     assert min(losses) == losses[2]
     assert losses[0] > losses[1]
     assert losses[4] > losses[3]
+
+
+def test_votes_are_taught_to_abstain() -> None:
+    heard = torch.tensor([[0.9], [0.2]])
+    loss = abstention_loss(heard, torch.tensor([True, False]))
+    assert float(loss) == pytest.approx(-(math.log(0.9) + math.log(0.8)) / 2, rel=1e-5)
 
 
 def test_errors_are_counted_as_they_are_measured() -> None:
