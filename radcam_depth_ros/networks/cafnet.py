@@ -18,6 +18,7 @@ from radcam_depth_ros.networks.layers.patches import Patches, around, check_patc
 from radcam_depth_ros.networks.layers.planar_guidance import WIDTHS, ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
 from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, Levels, ResNet
+from radcam_depth_ros.networks.layers.sky import sky_head
 from radcam_depth_ros.networks.layers.sparse import SparseConv
 from radcam_depth_ros.networks.registry import register
 
@@ -193,7 +194,7 @@ class Cafnet(SinglePass):
         prior = GroundPrior(CHANNELS[4], config.min_depth_m, config.max_depth_m)
         self.ground = prior if config.ground_prior else None
         self.decoder = PlanarDecoder(CHANNELS, config.max_depth_m, 2 if config.ground_prior else 1)
-        self.sky = Float32Conv2d(WIDTHS[-1], 1, 3, padding=1) if config.sky else None
+        self.sky = sky_head(WIDTHS[-1]) if config.sky else None
 
     def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> CafnetOutputs:
         height, width = image.shape[2], image.shape[3]

@@ -19,6 +19,7 @@ from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import alike, around, check_patch
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
 from radcam_depth_ros.networks.layers.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
+from radcam_depth_ros.networks.layers.sky import sky_head
 from radcam_depth_ros.networks.registry import register
 
 IMAGE_CHANNELS = (64, 64, 128, 256, 512)
@@ -225,7 +226,7 @@ class Lircdepth(SinglePass):
         self.cautious = cautious if config.caution > 0 else None
         self.decoder = Decoder(2 if config.ground_prior else 1)
         self.confidence = Float32Conv2d(FINAL_WIDTH, 1, 3, padding=1)
-        self.sky = Float32Conv2d(FINAL_WIDTH, 1, 3, padding=1) if config.sky else None
+        self.sky = sky_head(FINAL_WIDTH) if config.sky else None
 
     def outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> LircdepthOutputs:
         height, width = image.shape[2], image.shape[3]

@@ -16,7 +16,7 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError
-from radcam_depth_ros.networks.baff.head import CANDIDATES, DEPTH_BINS, FARTHEST_BIN, NEAREST_BIN, Choice
+from radcam_depth_ros.networks.baff.head import CANDIDATES, DEPTH_BINS, FARTHEST_BIN, NEAREST_BIN
 from radcam_depth_ros.networks.baff.network import Baff
 from radcam_depth_ros.networks.baff_paper.network import BaffPaper
 from radcam_depth_ros.networks.interface import Network
@@ -343,7 +343,7 @@ def test_depths_that_nothing_suggests_can_be_chosen() -> None:
     image, radar, valid, _ = make_inputs(1, 64, 96, 0)
     with torch.no_grad():
         network.get_parameter("fusion.head.1.bias")[-DEPTH_BINS + 4] = 20.0
-        network.get_parameter("mix.head.bias")[:4] = -20.0
+        network.get_parameter("mix.head.bias")[:8] = -20.0
         depths = network(image, radar, valid, torch.full((1, 4), float("nan")))
     expected = plane_to_depth(torch.linspace(NEAREST_BIN, FARTHEST_BIN, DEPTH_BINS)[4], 1.0, 100.0)
     torch.testing.assert_close(depths.dense, expected.expand_as(depths.dense), rtol=1e-3, atol=0.0)
@@ -357,7 +357,6 @@ def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
     best = torch.tensor([5.0, 5.0, -2.0, 5.0]).reshape(1, 1, 1, 4)
     plane = depth_to_plane(torch.full((1, 1, 2, 8), 20.0), 1.0, 100.0)
     sure = torch.tensor([5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 8).expand(1, 1, 2, 8)
-    nothing = torch.empty(0)
-    found = network._agreed(best, depth, Choice(plane, sure, *[nothing] * 6)).flatten()
+    found = network._agreed(best, depth, plane, sure).flatten()
     assert float(found[0]) == 20.0
     assert torch.isnan(found[1:]).all()

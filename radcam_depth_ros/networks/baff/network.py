@@ -80,8 +80,8 @@ class BaffConfig(NetworkConfig):
             depth.
         geometry_mix: Mix the dense depth with geometry's on the road as told, see `geometry_mix.GeometryMix`, and give
             the sky. A road that is told is then never corrected. False is the form of older weights.
-        caution: Without `geometry_mix`: where the confidence is lower, the dense depth leans to geometry's: the nearest
-            return, or the road where that is nearer. 0: nowhere.
+        caution: Where the confidence is lower, the dense depth, after the mix if there is one, leans to geometry's: the
+            nearest return, or the road where that is nearer. 0: nowhere.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
