@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import random
 import re
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -330,30 +329,3 @@ def test_how_long_a_frame_took_is_told_in_parts_and_the_tutorial_lists_all_statu
     assert {name.split(" ")[0] for name in bench.diagnostics[-1]} == listed - {"odometry"}
     assert {f"{part} {name} [ms]" for part in heard for name in ("p50", "p95", "p99")} <= inference.keys()
     assert float(inference["inference p99 [ms]"]) >= 20
-
-
-def test_images_that_are_lost_while_the_node_is_busy_are_counted(
-    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bench = start()
-    bench.connect()
-    bench.await_depth()
-    session = bench.node._session
-    told(bench, "camera")  # by then the node knows that there is one publisher
-    send(bench, "image", bench.image())
-    before, build, is_held = session.rates["camera"].count, session._build, threading.Event()
-
-    def hold(*arguments: Any) -> Any:
-        is_held.wait(60)
-        return build(*arguments)
-
-    monkeypatch.setattr(session, "_build", hold)
-    for _ in range(20):
-        bench.now_ns += 100_000_000
-        bench.send("image", bench.image())
-    time.sleep(0.5)
-    is_held.set()
-    rate, lost = session.rates["camera"], session.lost["camera"]
-    wait(lambda: rate.count - before + lost.count == 20, "all images, as messages or as losses")
-    assert lost.count > 0
-    assert int(told(bench, "camera")["lost before they came"]) == lost.count

@@ -114,7 +114,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "near"), [("radar_topcs", "did you mean radar_topics"), ("xyzzy", "it has autostart")]
+    ("name", "near"), [("radar_topcs", "did you mean radar_topics"), ("xyzzy", "it has allow_exported, autostart")]
 )
 def test_an_unknown_parameter_names_the_nearest(name: str, near: str) -> None:
     values: dict[str, Any] = {name: 1}

@@ -164,7 +164,7 @@ def test_a_part_that_a_network_does_not_have_is_refused(
     config = dataclasses.replace(CONFIG, **given)
     with pytest.raises(
         TrainingError,
-        match=r"names 'fusing', which is no part of baff; its parts are context, encoder, association, road, fu",
+        match=r"names 'fusing', which is no part of baff; its parts are context, encoder, association, road, doubt, ",
     ):
         run(data, tmp_path / "run", config, network="baff")
 

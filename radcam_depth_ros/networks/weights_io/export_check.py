@@ -12,6 +12,7 @@ import io
 import pickletools
 import re
 import zipfile
+import zlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -97,7 +98,7 @@ def _by_python(content: bytes) -> dict[str, bytes]:
                     raise ExportError("two of its entries have the same name")
                 entries[name] = archive.read(entry)
             folders = {entry.filename.partition("/")[0] for entry in archive.infolist()}
-    except (zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError, ValueError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, OSError, RuntimeError, NotImplementedError, ValueError, EOFError) as error:
         raise ExportError(f"Python cannot read all of it: {error}") from None
     if len(folders) != 1:
         raise ExportError("its entries are not in one folder")

@@ -30,6 +30,7 @@ def maps() -> list[Tensor]:
     return [torch.randn(2, 8, 112 >> level, 192 >> level, generator=generator) for level in range(4)]
 
 
+HEARD = torch.ones(2, 1)
 GROUND = torch.tensor([[0.0, 1 / 630 / 1.5, -0.03, 1.0], [1e-6, 1 / 630 / 2.0, -0.02, 0.0]])
 
 
@@ -66,9 +67,9 @@ def test_the_plane_of_the_road_is_fitted_in_float32_whatever_autocast_says() -> 
     votes = torch.randn(2, 2, 7, 12, generator=torch.Generator().manual_seed(2))
     road.votes.register_forward_hook(lambda *_: votes)
     with torch.inference_mode():
-        expected = road(maps(), GROUND)
+        expected, _ = road(maps(), GROUND, HEARD)
         with torch.autocast("cpu", torch.bfloat16):
-            result = road(maps(), GROUND)
+            result, _ = road(maps(), GROUND, HEARD)
     assert result.dtype == torch.float32
     torch.testing.assert_close(result, expected, rtol=1e-6, atol=1e-9)
 
@@ -76,7 +77,7 @@ def test_the_plane_of_the_road_is_fitted_in_float32_whatever_autocast_says() -> 
 def test_the_corrected_road_learns_under_autocast() -> None:
     road = road_votes()
     with torch.autocast("cpu", torch.bfloat16):
-        corrected = road(maps(), GROUND)
+        corrected, _ = road(maps(), GROUND, HEARD)
     corrected.square().sum().backward()  # type: ignore[no-untyped-call]  # torch's annotation is missing
     assert all(torch.isfinite(parameter.grad).all() for parameter in road.parameters() if parameter.grad is not None)
     assert road.votes.weight.grad is not None

@@ -145,7 +145,7 @@ def rewrite_card(path: Path, **changes: object) -> None:
         ({"card_format": 99}, "card format 99"),
         ({"focal_length_px": 100.0}, "contradicts itself: focal_length_px"),
         ({"network": "other"}, "unknown network 'other'"),
-        ({"architecture": {"bidirectional": True}}, "does not fit its architecture: it lacks the tensor"),
+        ({"architecture": {"bidirectional": True}}, "does not fit its architecture: it has, besides what"),
         ({"architecture": {**ARCHITECTURE, "embedding_dims": 16}}, "should be"),
         ({"surprise": 1}, "unknown key surprise"),
     ],
