@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from radcam_depth_ros import configuration
-from radcam_depth_ros.simulation import SimulationConfig, SimulationError, StreetKind, simulate
+from radcam_depth_ros.simulation import CameraConfig, SimulationConfig, SimulationError, StreetKind, simulate
 
 SHIPPED = Path(__file__).parents[3] / "config" / "simulation.yaml"
 
@@ -71,3 +71,9 @@ def test_seeds_and_frames_out_of_range_are_refused(seed: int, frames: int, tmp_p
     with pytest.raises(SimulationError):
         simulate(SimulationConfig(), seed, frames, tmp_path / "drive")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("height_m", [0.9, 2.6, -1.0])
+def test_a_usual_height_lies_between_the_least_and_the_most(height_m: float) -> None:
+    with pytest.raises(SimulationError, match=r"usual_height_m must be 0 .* or lie between"):
+        CameraConfig(min_height_m=1.0, usual_height_m=height_m, max_height_m=2.5)

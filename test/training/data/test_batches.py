@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,3 +70,25 @@ def test_splitting_and_spreading(drive: CachedDrive) -> None:
     assert train.largest == (64, 128)
     with pytest.raises(TrainingError, match="no frame"):
         SampleSet.of([])
+
+
+def test_pictures_are_replaced_as_often_as_asked_and_batches_say_so(drive: CachedDrive) -> None:
+    samples = SampleSet.of([drive])
+    plain = replace(RECIPE.augmentation, unreadable=0.0, foreign=0.0)
+    kept = BatchMaker(samples, plain, 0).make(0, 8, (32, 64))
+    assert kept.readable.all()
+    unreadable = BatchMaker(samples, replace(plain, unreadable=1.0), 0).make(0, 8, (32, 64))
+    assert 0 < int(unreadable.readable.sum()) < 8, "some kinds may still tell something"
+    assert not torch.equal(unreadable.image, kept.image)
+    foreign = BatchMaker(samples, replace(plain, foreign=1.0), 0).make(0, 8, (32, 64))
+    assert not foreign.readable.any()
+    torch.testing.assert_close(foreign.image, kept.image.roll(-1, 0))
+    for batch in (unreadable, foreign):
+        torch.testing.assert_close(batch.depth_accumulated_m, kept.depth_accumulated_m, equal_nan=True)
+        torch.testing.assert_close(batch.radar, kept.radar, equal_nan=True)
+
+
+@pytest.mark.parametrize("shares", [{"unreadable": 0.7, "foreign": 0.4}, {"foreign": -0.1}, {"unreadable": 1.1}])
+def test_shares_of_replaced_pictures_are_checked(shares: dict[str, float]) -> None:
+    with pytest.raises(TrainingError, match="unreadable and foreign must be at least 0 and at most 1 together"):
+        replace(RECIPE.augmentation, **shares)
