@@ -11,11 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray, ImageArray
-from radcam_depth_ros.messages.picture_files import file_size
+from radcam_depth_ros.messages.picture_files import file_size, scan_count
 from radcam_depth_ros.messages.wire import MessageError, check_image_size, data_bytes, require_fields, stamp_ns
 
 _IMAGE_TYPE = "sensor_msgs/Image"
 _BYTE = np.dtype(np.uint8)
+
+MOST_SCANS = 40
+"""Of a JPEG: encoders make 10 of a progressive one."""
 
 
 @dataclass(frozen=True)
@@ -265,6 +268,12 @@ def _decompress(message: Any) -> ImageArray:
     size = file_size(content)
     if size is not None and content.rfind(end) > 0:
         check_image_size(*size)
+        scans = scan_count(content) if kind == "jpeg" else 0
+        if scans > MOST_SCANS:
+            raise MessageError(
+                f"expected at most {MOST_SCANS} scans in a jpeg, got {scans}, which would take long to decode; publish "
+                "baseline jpeg"
+            )
         # OpenCV raises, instead of returning None, for a header that contradicts itself.
         with contextlib.suppress(cv2.error):
             # Intrinsics belong to the image as it was taken, so an orientation tag must not turn it.

@@ -20,6 +20,14 @@ def file_size(content: bytes) -> tuple[int, int] | None:
     return size if size is not None and min(size) > 0 else None
 
 
+def scan_count(content: bytes) -> int:
+    """How many scans a JPEG has: the decoder visits all pixels once for each, so that a small file can take minutes.
+
+    Within a scan's data the bytes FF DA do not occur (ITU T.81, B.1.1.5); what else holds them is counted as well.
+    """
+    return content.count(bytes((0xFF, _START_OF_SCAN)))
+
+
 def _png_size(content: bytes) -> tuple[int, int] | None:
     if len(content) < 24 or content[12:16] != b"IHDR":
         return None

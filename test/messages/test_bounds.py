@@ -17,10 +17,12 @@ from hypothesis import strategies as st
 
 from radcam_depth_ros.frame import LONGEST_SENTENCE
 from radcam_depth_ros.messages import Calibration, MessageError, decode_image, decode_points, decode_radar, stamp_ns
-from radcam_depth_ros.messages.picture_files import file_size
+from radcam_depth_ros.messages.picture_files import file_size, scan_count
 
 FLAT = np.zeros((20, 30, 3), np.uint8)
 KILOBYTE = np.zeros(1000, np.uint8)
+
+PROGRESSIVE = cv2.IMWRITE_JPEG_PROGRESSIVE
 
 
 def encoded(extension: str, image: np.ndarray, settings: tuple[int, ...] = ()) -> bytes:
@@ -103,7 +105,7 @@ def test_compressed_images(refused, make, size):
 
 @settings(max_examples=30, deadline=None)
 @given(
-    st.sampled_from([(".jpg", ()), (".jpg", (cv2.IMWRITE_JPEG_PROGRESSIVE, 1)), (".png", ())]),
+    st.sampled_from([(".jpg", ()), (".jpg", (PROGRESSIVE, 1)), (".png", ())]),
     st.integers(1, 300),
     st.integers(1, 300),
     st.binary(max_size=30).filter(lambda text: not text.startswith(b"\xff")),
@@ -116,6 +118,16 @@ def test_the_size_of_a_file_is_read_without_decoding_it(kind, width, height, com
         content = content[:2] + b"\xff\xff\xfe" + struct.pack(">H", len(segment) + 2) + segment + content[2:]
     assert file_size(content) == (width, height)
     assert decode_image(compressed(content)).image.shape == (height, width, 3)
+
+
+def test_a_jpeg_with_very_many_scans(refused):
+    content = encoded(".jpg", np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8), (PROGRESSIVE, 1))
+    assert 1 < scan_count(content) < 20
+    start = content.rfind(b"\xff\xda")
+    last = content[start : content.rfind(b"\xff\xd9")]
+    refused(
+        "at most 40 scans in a jpeg, got", lambda: decode_image(compressed(content[:start] + 60 * last + b"\xff\xd9"))
+    )
 
 
 def test_a_camera_of_another_world(refused):

@@ -14,6 +14,8 @@ from radcam_depth_ros.networks.interface import Network
 from radcam_depth_ros.networks.migration import completed, migrated
 
 CARD_FORMAT = 1
+MOST_BRACKETS = 100
+"""Lists and mappings in brackets: thousands within one another would take seconds to read."""
 
 
 class ArchiveError(RadcamDepthError):
@@ -76,6 +78,8 @@ class Archive:
 
 def read_card(text: str, source: str) -> Card:
     """Reads a card, of an earlier version too; ArchiveError where it does not fit."""
+    if max((text.count(bracket) for bracket in "[{"), default=0) > MOST_BRACKETS:
+        raise ArchiveError(f"{source} holds no card: it has more than {MOST_BRACKETS} lists or mappings in brackets")
     try:
         # Aliases would let a few lines stand for a billion values.
         has_aliases = any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text))

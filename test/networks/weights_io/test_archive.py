@@ -178,6 +178,12 @@ def test_a_card_that_is_too_long_is_not_read(copied: Path) -> None:
         archive.load(copied)
 
 
+def test_a_card_of_lists_within_lists_is_refused_at_once(copied: Path) -> None:
+    copied.with_suffix(".yaml").write_text("a: " + "[" * 30_000 + "]" * 30_000)
+    with pytest.raises(ArchiveError, match="more than 100 lists or mappings"):
+        archive.load(copied)
+
+
 def test_a_card_of_aliases_and_one_of_a_billion_channels_take_no_memory(copied: Path) -> None:
     rewrite_card(copied, architecture={**ARCHITECTURE, "channels": [2**20] * 4})
     with pytest.raises(RadcamDepthError, match="should be"):
