@@ -40,6 +40,7 @@ class FrameBuilder:
     Attributes:
         transforms: The transform tree, filled from `/tf_static` and `/tf`.
         dropped_returns: Of each radar, how many returns of its last sweep were left out since they were not finite.
+        thinned_returns: The same of those left out since there were too many.
         unmoved_frames: How many frames have returns that could not be moved to the image's time.
         motion_problem: Why that is so of the last frame; empty where it is not.
         last_motion_problem: Why it was so the last time.
@@ -53,6 +54,7 @@ class FrameBuilder:
         self._transform_intake = TransformIntake(self.transforms, self._mounts, refuses_jumps=refuses_jumps)
         self._last_sweeps: dict[int, tuple[RadarReading, int]] = {}  # by radar, with its time
         self.dropped_returns = dict.fromkeys(config.radars, 0)
+        self.thinned_returns = dict.fromkeys(config.radars, 0)
         self.unmoved_frames = 0
         self.motion_problem = self.last_motion_problem = ""
         self._motion = self._new_motion("") if config.moves_radar and config.odometry else None
@@ -124,7 +126,7 @@ class FrameBuilder:
             return self._frames(self._pairer.add_image(image.stamp_ns, image, now_ns))
         if topic in self.config.radars:
             sweep = decode_radar(message, self._aliases[topic])
-            self.dropped_returns[topic] = sweep.dropped
+            self.dropped_returns[topic], self.thinned_returns[topic] = sweep.dropped, sweep.thinned
             return self._frames(self._pairer.add_sweep(topic, sweep.stamp_ns, sweep, now_ns))
         if topic == self.config.calibration_topic:
             if self._calibration is None or not self._calibration.matches(message):

@@ -30,6 +30,7 @@ from radcam_depth_ros.messages.images import (
 )
 from radcam_depth_ros.messages.radar import (
     DEFAULT_ALIASES,
+    MOST_RETURNS,
     FieldAliases,
     RadarFields,
     RadarReading,
@@ -50,6 +51,7 @@ __all__ = [
     "COLORMAPS",
     "DEFAULT_ALIASES",
     "DEPTH_ENCODINGS",
+    "MOST_RETURNS",
     "Calibration",
     "ClassReading",
     "DepthReading",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray, RadarReturns
 from radcam_depth_ros.messages.clouds import Cloud, CloudField
@@ -105,6 +106,10 @@ DEFAULT_ALIASES = FieldAliases()
 """Names of the drivers that are known."""
 
 
+MOST_RETURNS = 20_000
+"""Of a sweep: imaging radars give up to some 10,000; a million take seconds and gigabytes."""
+
+
 @dataclass(frozen=True)
 class RadarReading:
     """One sweep of a radar.
@@ -115,6 +120,7 @@ class RadarReading:
         returns: In the radar's frame; their age is not known yet (NaN).
         dropped: Number of returns left out since their position was NaN or infinite.
         is_over_ground: The radial speeds are over ground, and not relative to the sensor.
+        thinned: Number of returns left out since there were more than `MOST_RETURNS`; the nearest are kept.
     """
 
     stamp_ns: int
@@ -122,6 +128,7 @@ class RadarReading:
     returns: RadarReturns
     dropped: int
     is_over_ground: bool = False
+    thinned: int = 0
 
 
 @dataclass(frozen=True)
@@ -158,7 +165,8 @@ def radar_fields(message: Any, aliases: FieldAliases = DEFAULT_ALIASES) -> Radar
 def decode_radar(message: Any, aliases: FieldAliases = DEFAULT_ALIASES) -> RadarReading:
     """Reads a radar's sensor_msgs/PointCloud2.
 
-    Rows without a finite position are dropped and counted; an RCS or a speed that is missing or not finite is NaN.
+    Rows without a finite position are dropped and counted; an RCS or a speed that is missing or not finite is NaN. Of
+    more than `MOST_RETURNS` the nearest are kept.
 
     Args:
         message: The point cloud.
@@ -176,13 +184,23 @@ def decode_radar(message: Any, aliases: FieldAliases = DEFAULT_ALIASES) -> Radar
     xyz = _positions(cloud, aliases)
     finite = (np.abs(xyz) < LARGEST_M).all(axis=1)  # NaN is not
     speeds, is_over_ground = _radial_speeds(cloud, aliases, xyz)
+    rows = np.flatnonzero(finite)
+    kept = _nearest(xyz, rows)
     returns = RadarReturns(
-        xyz[finite],
-        _finite_or_nan(_cross_sections(cloud, aliases))[finite],
-        _finite_or_nan(speeds)[finite],
-        np.full(int(finite.sum()), np.nan, np.float32),
+        xyz[kept],
+        _finite_or_nan(_cross_sections(cloud, aliases))[kept],
+        _finite_or_nan(speeds)[kept],
+        np.full(len(kept), np.nan, np.float32),
     )
-    return RadarReading(stamp, frame_id, returns, cloud.count - len(returns), is_over_ground)
+    return RadarReading(stamp, frame_id, returns, cloud.count - len(rows), is_over_ground, len(rows) - len(kept))
+
+
+def _nearest(xyz: FloatArray, rows: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+    """At most `MOST_RETURNS` of some rows, the nearest, in their order."""
+    if len(rows) <= MOST_RETURNS:
+        return rows
+    squared = np.square(xyz[rows], dtype=np.float64).sum(axis=1)
+    return np.sort(rows[np.argpartition(squared, MOST_RETURNS)[:MOST_RETURNS]])
 
 
 def _require_named(cloud: Cloud, aliases: FieldAliases) -> None:

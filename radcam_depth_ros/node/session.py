@@ -16,6 +16,7 @@ from rclpy.subscription import Subscription
 
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilderError
+from radcam_depth_ros.messages import MOST_RETURNS
 from radcam_depth_ros.node.arrival import ArrivalClock
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
 from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
@@ -197,6 +198,14 @@ class Session:
                 Level.WARN,
                 f"expected finite positions on {source.topic}, got {dropped} returns with NaN or infinity, which are "
                 "left out; look at the driver's filter",
+            )
+        elif self.frame_builder.thinned_returns.get(source.topic):
+            self._problems.report(
+                source.part,
+                Level.WARN,
+                f"expected at most {MOST_RETURNS} returns in a sweep on {source.topic}, got "
+                f"{self.frame_builder.thinned_returns[source.topic]} more: the nearest are used; set a threshold in "
+                "the driver",
             )
         else:
             self._problems.settle(source.part)

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcam_depth_ros.messages import FieldAliases, MessageError, decode_radar
+from radcam_depth_ros.bags import factory
+from radcam_depth_ros.messages import MOST_RETURNS, FieldAliases, MessageError, decode_radar, encode_points
 
 INT8, UINT8, INT16, UINT16, FLOAT32 = 1, 2, 3, 4, 7
 
@@ -351,3 +352,16 @@ def test_any_fields_give_returns_or_a_sentence(cloud_message, data):
     except MessageError:
         return
     assert len(reading.returns) + reading.dropped == count
+
+
+def test_of_very_many_returns_the_nearest_are_kept_in_their_order():
+    count = MOST_RETURNS + 5000
+    x = np.random.default_rng(0).permutation(np.linspace(1.0, 300.0, count)).astype(np.float32)
+    zeros = np.zeros(count, np.float32)
+    x[7] = np.nan
+    reading = decode_radar(encode_points(factory, {"x": x, "y": zeros, "z": zeros}, 0, "radar"))
+    assert (len(reading.returns), reading.dropped, reading.thinned) == (MOST_RETURNS, 1, 4999)
+    nearest = np.sort(x[np.isfinite(x)])[:MOST_RETURNS]
+    np.testing.assert_array_equal(np.sort(reading.returns.xyz_m[:, 0]), nearest)
+    kept = x[np.isin(x, nearest)]
+    np.testing.assert_array_equal(reading.returns.xyz_m[:, 0], kept)
