@@ -11,14 +11,13 @@ from torch.nn import functional
 from radcam_depth_ros.networks.config import NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import Depths, SinglePass
-from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.ground import GroundPrior
+from radcam_depth_ros.networks.layers.heads import CalibratedConfidence, sky_head
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import Patches, around, check_patch, covered
 from radcam_depth_ros.networks.layers.planar_guidance import WIDTHS, ConvElu, PlanarDecoder, UpConv
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
 from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, Levels, ResNet
-from radcam_depth_ros.networks.layers.sky import sky_head
 from radcam_depth_ros.networks.layers.sparse import SparseConv
 from radcam_depth_ros.networks.registry import register
 

@@ -19,7 +19,7 @@ class NetworkConfig:
         min_depth_m: Nearest depth that the network gives.
         max_depth_m: Farthest depth that the network gives.
         focal_length_px: The focal length that it is trained at.
-        calibration: Scale and offset of the confidence's logit, see `layers.confidence`; (1, 0) leaves it as it is.
+        calibration: Scale and offset of the confidence's logit, see `layers.heads`; (1, 0) leaves it as it is.
     """
 
     threshold: float = 0.25

@@ -12,14 +12,13 @@ from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_caution
-from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
 from radcam_depth_ros.networks.layers.ground import GroundPrior
+from radcam_depth_ros.networks.layers.heads import CalibratedConfidence, sky_head
 from radcam_depth_ros.networks.layers.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import alike, around, check_patch
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
 from radcam_depth_ros.networks.layers.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
-from radcam_depth_ros.networks.layers.sky import sky_head
 from radcam_depth_ros.networks.registry import register
 
 IMAGE_CHANNELS = (64, 64, 128, 256, 512)

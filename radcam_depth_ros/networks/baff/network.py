@@ -20,7 +20,7 @@ from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs, learns
 from radcam_depth_ros.networks.layers.blocks import QuarterEncoder
 from radcam_depth_ros.networks.layers.caution import Caution, check_caution
-from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
+from radcam_depth_ros.networks.layers.heads import CalibratedConfidence
 from radcam_depth_ros.networks.layers.image_statistics import FrameStatistics
 from radcam_depth_ros.networks.layers.mobilenet import ContextEncoder
 from radcam_depth_ros.networks.layers.rasterise import (

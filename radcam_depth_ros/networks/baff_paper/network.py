@@ -14,7 +14,7 @@ from radcam_depth_ros.networks.baff.regions import RegionAssociation, check_regi
 from radcam_depth_ros.networks.baff_paper.fusion import PaperFusion
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Association, Depths, Network, TrainOutputs, learns
-from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
+from radcam_depth_ros.networks.layers.heads import CalibratedConfidence
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, plane_to_depth
 from radcam_depth_ros.networks.registry import register
 

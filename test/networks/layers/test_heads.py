@@ -9,7 +9,7 @@ import torch
 
 from radcam_depth_ros import networks
 from radcam_depth_ros.networks import ArchitectureError, registry
-from radcam_depth_ros.networks.layers.confidence import CalibratedConfidence
+from radcam_depth_ros.networks.layers.heads import CalibratedConfidence
 
 
 def test_scale_and_offset_are_of_the_logit() -> None:

@@ -1,7 +1,9 @@
-"""The confidence's probability from its logit, calibrated after training."""
+"""What networks tell beside depth: the confidence's probability, calibrated after training, and the sky's logit."""
 
 import torch
 from torch import Tensor, nn
+
+from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 
 
 class CalibratedConfidence(nn.Module):
@@ -22,3 +24,15 @@ class CalibratedConfidence(nn.Module):
     def forward(self, logit: Tensor) -> Tensor:
         """A logit, of any shape, to a probability in float32."""
         return torch.sigmoid(self.scale * logit.float() + self.offset)
+
+
+def sky_head(channels: int) -> Float32Conv2d:
+    """A convolution of a map (B, channels, H, W) to the sky's logit (B, 1, H, W) float32, near -1 before training.
+
+    Not in the papers.
+    """
+    head = Float32Conv2d(channels, 1, 3, padding=1)
+    nn.init.normal_(head.weight, std=0.01)
+    if head.bias is not None:
+        nn.init.constant_(head.bias, -1.0)
+    return head
