@@ -317,12 +317,15 @@ class Baff(Network):
         sky_logit: Tensor | None = None
         sky: Tensor | None = None
         if self.mix is not None and self.sky is not None:
-            sky_logit = self.sky(image, choice.features)
+            own = functional.avg_pool2d(plane.float(), self.detail)
+            sure = torch.sigmoid(functional.avg_pool2d(confidence_logit.float(), self.detail))
+            shown = torch.cat([geometry.prior[:, :1], own, sure], dim=1).detach()
+            sky_logit = self.sky(image, choice.features, shown)
             nearest = functional.interpolate(geometry.nearest, scale_factor=float(self.detail))
             near, used = torch.minimum(roads.told, nearest), torch.minimum(roads.used, nearest).detach()
             planes = [
                 geometry.prior,
-                torch.sigmoid(functional.avg_pool2d(confidence_logit.float(), self.detail)),
+                sure,
                 self.emphasis * functional.avg_pool2d(roads.seen - roads.told, self.detail),
                 self.emphasis * functional.avg_pool2d(roads.deviation, self.detail),
                 torch.sigmoid(functional.avg_pool2d(sky_logit, 2)),
