@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--encoding", default="32FC1", help="of the depth images")
     parser.add_argument("--json", metavar="FILE", help="write the figures to a file, - for stdout")
     options = parser.parse_args()
-    estimator = Estimator(EstimatorConfig(model_file=str(options.model or "")))
+    estimator = Estimator(EstimatorConfig(model_file=str(options.model or ""), allow_exported=True))
     written = ReplayOptions(compress=options.compress, output=OutputConfig(options.encoding))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -66,7 +66,9 @@ def main() -> None:
     except OSError as error:
         if error.errno not in _DISK_ERRORS:
             raise
-        _refuse(f"{error.filename or 'a file'}: {error.strerror}; make room, or choose a place that can be written")
+        _refuse(
+            f"{error.filename or 'a file'}: {error.strerror}; make room, mend its permissions, or choose another place"
+        )
     except Exception as error:
         from radcam_depth_ros.frame import RadcamDepthError  # here, since it brings numpy, which --help can do without
 

@@ -107,7 +107,7 @@ def check_calibration(
     else:
         _print(report)
     if report.pictures:
-        PlainConsole(stderr=True).print(f"{out}: {len(report.pictures)} pictures", markup=False, soft_wrap=True)
+        PlainConsole(stderr=True).print(f"{out}: {len(report.pictures)} pictures", soft_wrap=True)
     if report.verdict == calibration.SUSPECT:
         raise typer.Exit(_SUSPECT_EXIT)
 
@@ -131,14 +131,14 @@ def _print_road(report: RoadReport, json_target: str | None, write_params: Path 
             if value.value is not None
         )
         inspection.write_parameters(write_params, inspection.Suggestion(settings), Path(report.bag).name)
-        PlainConsole(stderr=True).print(f"parameters: {write_params}", markup=False, soft_wrap=True)
+        PlainConsole(stderr=True).print(f"parameters: {write_params}", soft_wrap=True)
     if report.verdict == calibration.SUSPECT:
         raise typer.Exit(_SUSPECT_EXIT)
 
 
 def _print_road_table(report: RoadReport) -> None:
     console = PlainConsole()
-    console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
+    console.print(f"{report.bag}: ", end="", soft_wrap=True)
     console.print(report.verdict, style=_STYLES[report.verdict])
 
     def cell(number: float | None) -> str:
@@ -167,7 +167,7 @@ def _numbers(text: str | None) -> tuple[float, ...]:
 
 def _print(report: Report) -> None:
     console = PlainConsole()
-    console.print(f"{report.bag}: ", end="", markup=False, soft_wrap=True)
+    console.print(f"{report.bag}: ", end="", soft_wrap=True)
     console.print(report.verdict, style=_STYLES[report.verdict])
     for sensor in report.sensors:
         _print_places(console, sensor)
@@ -181,9 +181,9 @@ def _print(report: Report) -> None:
     for time in report.times:
         _print_verdict(console, time.verdict, f"{time.topic}, time: {time.sentence}")
     if not report.road_is_known:
-        console.print("the road is assumed 1.4 m below a level camera; --camera-height tells it", markup=False)
+        console.print("the road is assumed 1.4 m below a level camera; --camera-height tells it")
     if report.seconds_read < report.seconds:
-        console.print(f"only the first {report.seconds_read:.0f} of {report.seconds:.0f} s were read", markup=False)
+        console.print(f"only the first {report.seconds_read:.0f} of {report.seconds:.0f} s were read")
 
 
 def _print_places(console: Console, sensor: SensorReport) -> None:
@@ -197,4 +197,4 @@ def _print_places(console: Console, sensor: SensorReport) -> None:
 
 def _print_verdict(console: Console, verdict: str, sentence: str) -> None:
     console.print(f"{verdict}: ", style=_STYLES[verdict], end="")
-    console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+    console.print(sentence, highlight=False, soft_wrap=True)

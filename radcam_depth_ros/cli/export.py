@@ -16,7 +16,7 @@ def export(
     network: NetworkOption = None,
     model: ModelOption = None,
 ) -> None:
-    """Writes a network, its weights and its card to one file, for the node's `model_file` or a C++ program.
+    """Writes a network, its weights and its card to one file, for a C++ program, or the node with `allow_exported`.
 
     Example: radcam-depth export out/baff.pt --network baff
     """

@@ -52,5 +52,5 @@ def inspect(
         raise RadcamDepthError(f"{target} is not written, since no parameters fit {bag}: {why}")
     inspection.write_parameters(target, report.suggestion, bag.name)
     PlainConsole(stderr=True).print(
-        f"parameters: {target}; start the node with --ros-args --params-file {target}", markup=False, soft_wrap=True
+        f"parameters: {target}; start the node with --ros-args --params-file {target}", soft_wrap=True
     )

@@ -43,7 +43,7 @@ def play(
         options = playing.PlayOptions(rate, loop, start, duration, tuple(topics or ()), clock, delay)
         playback = playing.Playback(bag, options)
         for sentence in playback.left_out:
-            console.print(f"left out: {sentence}", markup=False, soft_wrap=True)
+            console.print(f"left out: {sentence}", soft_wrap=True)
         console.print(f"playing {len(playback.topics)} topics, Ctrl-C ends it")
         with progress_bar() as bar:
             task = bar.add_task("seconds played", total=round(playback.total_s, 1))

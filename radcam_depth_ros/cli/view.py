@@ -96,7 +96,7 @@ def view(
     else:
         is_estimated = network is not None or model is not None
         shown = _view_bag(bag, save, depth, node, options, is_estimated=is_estimated)
-    PlainConsole(stderr=True).print(f"{save}: {shown} pictures", markup=False, soft_wrap=True)
+    PlainConsole(stderr=True).print(f"{save}: {shown} pictures", soft_wrap=True)
 
 
 def _is_live(bag: Path) -> bool:
@@ -170,7 +170,7 @@ def _view_live(
                 options,
                 namespace,
                 lambda shown: bar.update(task, completed=shown),
-                lambda sentence: bar.console.print(sentence, markup=False, soft_wrap=True),
+                lambda sentence: bar.console.print(sentence, soft_wrap=True),
             )
         finally:
             signal.signal(signal.SIGINT, before)

@@ -121,9 +121,7 @@ def check_parameters(parameters: Mapping[str, object]) -> None:
 
 def _entry(setting: Setting) -> str:
     """A line of YAML, whatever the value: what is not plain is quoted, and spelled out where it cannot be printed."""
-    if isinstance(setting.value, str) and not setting.value.isprintable():
-        return f"{setting.name}: {json.dumps(setting.value)}"
-    if isinstance(setting.value, list) and not all(str(item).isprintable() for item in setting.value):
+    if not "".join(map(str, setting.value if isinstance(setting.value, list) else [setting.value])).isprintable():
         return f"{setting.name}: {json.dumps(setting.value)}"
     # A list on one line, as ROS's own parameter files have it; safe_dump would put braces around a single value.
     style = None if isinstance(setting.value, list) else False

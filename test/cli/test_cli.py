@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import yaml
+from command_line import run_main
 from typer.testing import CliRunner
 
 from radcam_depth_ros import cli, networks
@@ -25,14 +26,6 @@ VERBS = sorted(str(command.name or command.callback.__name__) for command in cli
 
 def run(*arguments: Any) -> Any:
     return CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
-
-
-def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> int:
-    """The exit code of the command as a shell would see it."""
-    monkeypatch.setattr(sys, "argv", ["radcam-depth", *(str(argument) for argument in arguments)])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0)
 
 
 def test_a_warning_is_its_sentence_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,23 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import run_main
 from disks import full_disk
 
-from radcam_depth_ros import cli
-
 ROOT = Path(__file__).parents[2]
-
-
-def main(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> int:
-    monkeypatch.setattr(sys, "argv", ["radcam-depth", *(str(argument) for argument in arguments)])
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        cli.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    finally:
-        signal.signal(signal.SIGTERM, before)
-    return 0
 
 
 @pytest.mark.parametrize(
@@ -60,7 +47,7 @@ def test_a_full_disk(
     place.mkdir()
     reads = [] if verb == "export" else [drive]
     with full_disk(500):
-        assert main(monkeypatch, verb, *reads, *options, place / out, "--model", small_weights) == 2
+        assert run_main(monkeypatch, verb, *reads, *options, place / out, "--model", small_weights) == 2
     told = capsys.readouterr().err
     assert "Traceback" not in told
     assert out in "".join(told.split())
@@ -88,7 +75,7 @@ def test_a_read_only_disk(
         ["inspect", drive, "--write-params", place / "p.yaml"],
         ["inspect", drive, "--json", place / "i"],
     ):
-        assert main(monkeypatch, *arguments) == 2
+        assert run_main(monkeypatch, *arguments) == 2
         assert "Read-only file system" in " ".join(capsys.readouterr().err.split())
 
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import signal
-import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from command_line import run_main
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_returns
 
-from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.messages import (
     StampedTransform,
@@ -53,18 +50,6 @@ def hostile_drive(path: Path, name: str) -> Path:
     return path
 
 
-def main(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> int:
-    monkeypatch.setattr(sys, "argv", ["radcam-depth", *(str(argument) for argument in arguments)])
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        cli.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    finally:
-        signal.signal(signal.SIGTERM, before)
-    return 0
-
-
 def is_printable(text: str) -> bool:
     """Whether a text has nothing that a terminal obeys; rich's own colours are off where no terminal is."""
     return all(letter.isprintable() or letter in "\n\t" for letter in text)
@@ -75,7 +60,7 @@ def test_inspect_shows_and_writes_them(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive, target = hostile_drive(tmp_path / "drive.mcap", name), tmp_path / "node.yaml"
-    assert main(monkeypatch, "inspect", drive, "--write-params", target) == 0
+    assert run_main(monkeypatch, "inspect", drive, "--write-params", target) == 0
     shown = capsys.readouterr()
     assert "Traceback" not in shown.err
     assert is_printable(shown.out + shown.err)
@@ -84,7 +69,7 @@ def test_inspect_shows_and_writes_them(
     (parameters,) = [section["ros__parameters"] for section in yaml.safe_load(text).values()]
     assert "model_file" not in parameters
     assert parameters["image_topic"] == f"/camera{name}/image_raw"
-    assert main(monkeypatch, "inspect", drive, "--json", "-") == 0
+    assert run_main(monkeypatch, "inspect", drive, "--json", "-") == 0
     out = capsys.readouterr().out
     assert is_printable(out)
     assert json.loads(out)
@@ -95,9 +80,9 @@ def test_replay_and_check_calibration_show_them(
     name: str, tmp_path: Path, small_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive = hostile_drive(tmp_path / "drive.mcap", name)
-    assert main(monkeypatch, "replay", drive, tmp_path / "out.mcap", "--model", small_weights) == 0
-    assert main(monkeypatch, "replay", drive, tmp_path / "b.mcap", "--radar", name, "--model", small_weights) == 2
-    assert main(monkeypatch, "check-calibration", drive) in (0, 1)
+    assert run_main(monkeypatch, "replay", drive, tmp_path / "out.mcap", "--model", small_weights) == 0
+    assert run_main(monkeypatch, "replay", drive, tmp_path / "b.mcap", "--radar", name, "--model", small_weights) == 2
+    assert run_main(monkeypatch, "check-calibration", drive) in (0, 1)
     shown = capsys.readouterr()
     assert "Traceback" not in shown.err
     assert is_printable(shown.out + shown.err)
@@ -109,7 +94,7 @@ def test_a_path_may_hold_anything(
     for name in HOSTILE:
         missing = tmp_path / name.replace("/", "_").replace("\x00", "")
         for verb in ("inspect", "evaluate", "check-calibration"):
-            assert main(monkeypatch, verb, missing) == 2
+            assert run_main(monkeypatch, verb, missing) == 2
         shown = capsys.readouterr()
         assert is_printable(shown.out + shown.err)
         assert "Traceback" not in shown.err

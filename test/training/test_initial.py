@@ -29,5 +29,5 @@ def test_weights_without_the_mix_can_be_trained_on_with_it() -> None:
     first = {name: value.clone() for name, value in network.state_dict().items()}
     load_initial(network, "baff", "baff")
     now = network.state_dict()
-    assert torch.equal(now["mix.here.0.weight"], first["mix.here.0.weight"])
+    assert torch.equal(now["mix.look.here.0.weight"], first["mix.look.here.0.weight"])
     assert not torch.equal(now["encoder.stem.0.0.weight"], first["encoder.stem.0.0.weight"])

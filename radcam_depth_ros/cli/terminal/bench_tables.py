@@ -19,17 +19,15 @@ def print_report(report: Report) -> None:
     """Prints everything to the terminal."""
     console = PlainConsole()
     described, machine = report.described, report.machine
-    console.print(f"{machine.gpu or machine.cpu}, {machine.threads} threads, {' '.join(machine.flags)}", markup=False)
+    console.print(f"{machine.gpu or machine.cpu}, {machine.threads} threads, {' '.join(machine.flags)}")
     for precision, kinds in report.best_gflops.items():
         console.print(
             f"best rates in {precision}: convolution {kinds[CONVOLUTION]:.0f} GFLOP/s, matrix product "
             f"{kinds[MATRIX_PRODUCT]:.0f} GFLOP/s"
         )
     if report.advice:
-        console.print(report.advice, markup=False)
-    console.print(
-        f"{described.network}, weights: {described.weights}, {described.mode}; engine: {described.engine}", markup=False
-    )
+        console.print(report.advice)
+    console.print(f"{described.network}, weights: {described.weights}, {described.mode}; engine: {described.engine}")
     for entry in report.sizes:
         _print_sections(console, entry)
     _print_whole(console, report)

@@ -18,14 +18,14 @@ def print_report(report: Report) -> None:
     _print_topics(console, report)
     print_table(console, "contents", ("topic", "what it has"), tuple(_contents(report)), justify="left")
     if report.frames:
-        console.print("frames:", *(f"  {line}" for line in report.frames), sep="\n", markup=False)
+        console.print("frames:", *(f"  {line}" for line in report.frames), sep="\n")
     if report.extrinsics:
         _print_radars(console, report)
     for finding in report.findings:
-        console.print(f"{finding.severity}: {finding.text}", style=_STYLES[finding.severity], markup=False)
+        console.print(f"{finding.severity}: {finding.text}", style=_STYLES[finding.severity])
     if report.missing:
         is_told = any(report.missing in finding.text for finding in report.findings)
-        console.print(f"cannot be replayed: {'see above' if is_told else report.missing}", markup=False)
+        console.print(f"cannot be replayed: {'see above' if is_told else report.missing}")
     elif not report.findings:
         console.print("nothing is missing")
 

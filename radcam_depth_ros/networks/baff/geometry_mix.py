@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from radcam_depth_ros.networks.layers.blocks import LEAK, PlanarConv, Projection, double
+from radcam_depth_ros.networks.layers.blocks import LEAK, HereAndAround, PlanarConv
 from radcam_depth_ros.networks.layers.image_statistics import FromStatistics
 
 WIDTH = 24
@@ -38,9 +38,7 @@ class GeometryMix(nn.Module):
         super().__init__()
         self.detail = detail
         self.activation = nn.LeakyReLU(LEAK)
-        # What is around a pixel is seen at 1/8, the pixel itself at 1/4.
-        self.around = Projection(channels + PLANES, WIDTH, 3)
-        self.here = Projection(channels + PLANES, WIDTH)
+        self.look = HereAndAround(channels + PLANES, WIDTH)
         self.whole = FromStatistics(torch.zeros(WIDTH))
         # Weights of geometry, twice, for the parts of a pixel; what their confidence changes by; factor of the
         # network's own.
@@ -75,8 +73,7 @@ class GeometryMix(nn.Module):
         depth, told, used = depth.float(), told.float(), used.float()
         apart = self.emphasis * functional.avg_pool2d(used - depth, self.detail)
         known = torch.cat([planes, apart, apart.abs(), functional.avg_pool2d(depth, self.detail)], dim=1)
-        seen = torch.cat([features, known.to(features.dtype)], dim=1)
-        x = self.here(seen) + double(self.around(functional.avg_pool2d(seen, 2)))
+        x = self.look(torch.cat([features, known.to(features.dtype)], dim=1))
         x = self.activation(x + self.whole(statistics).to(x.dtype).unsqueeze(2).unsqueeze(3))
         parts = self.detail * self.detail
         raw = self.head(x)

@@ -106,7 +106,7 @@ class RoadVotes(nn.Module):
 
 
 class RoadDoubt(nn.Module):
-    """How much the votes count, and how uncertain they leave the road: a part of its own, which learns their worth.
+    """How much of the votes' correction is made, and how uncertain it leaves the road: a part that learns by itself.
 
     Votes abstain on frames whose statistics say that the picture tells nothing.
     """
@@ -120,7 +120,7 @@ class RoadDoubt(nn.Module):
         self.spread = nn.Parameter(torch.full((1,), -1.0))
 
     def forward(self, statistics: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, 10), as `FrameStatistics` has them, to how much votes count (B, 1), and the variance of one (1,)."""
+        """(B, 10), as `FrameStatistics` has them, to what `RoadVotes` takes (B, 1), and a vote's variance (1,)."""
         return torch.sigmoid(self.gate(statistics)), torch.exp(2.0 * self.spread)
 
 

@@ -261,8 +261,9 @@ class Baff(Network):
         """The road as it is told, seen and used."""
         told = self._drawn(ground, image)
         if self.road is None:
-            return Roads(told, told, told, torch.zeros_like(told), torch.ones_like(statistics[:, :1]))
-        heard, variance = torch.ones_like(statistics[:, :1]), torch.ones_like(statistics[0, :1])
+            return Roads(told, told, told, torch.zeros_like(told), torch.ones_like(ground[:, :1]))
+        # Not of the statistics: without doubt and mix nothing needs them, and freezing leaves them out.
+        heard, variance = torch.ones_like(ground[:, :1]), torch.ones_like(ground[0, :1])
         if self.doubt is not None:
             heard, variance = self.doubt(statistics)
         ground_seen, covariance = self.road(maps, ground, heard)

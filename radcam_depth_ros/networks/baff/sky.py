@@ -2,9 +2,8 @@
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
-from radcam_depth_ros.networks.layers.blocks import LEAK, ConvBlock, PlanarConv, Projection, double
+from radcam_depth_ros.networks.layers.blocks import LEAK, ConvBlock, HereAndAround, PlanarConv, double
 
 WIDTH = 24
 """Channels at 1/4."""
@@ -29,8 +28,7 @@ class SkyHead(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.activation = nn.LeakyReLU(LEAK)
-        self.around = Projection(channels + PLANES, WIDTH, 3)
-        self.here = Projection(channels + PLANES, WIDTH)
+        self.look = HereAndAround(channels + PLANES, WIDTH)
         bias = torch.zeros(1 + FINE)
         bias[0] = -1.0
         self.gates = PlanarConv(WIDTH, bias)
@@ -48,8 +46,7 @@ class SkyHead(nn.Module):
             The logit (B, 1, H / 2, W / 2) float32.
         """
         seen = torch.cat([features, planes.to(features.dtype)], dim=1)
-        x = self.activation(self.here(seen) + double(self.around(functional.avg_pool2d(seen, 2))))
-        gates = double(self.gates(x))
+        gates = double(self.gates(self.activation(self.look(seen))))
         fine = (gates[:, 1:] * self.stem(image).float()).sum(dim=1, keepdim=True)
         logit: Tensor = gates[:, :1] + fine
         return logit

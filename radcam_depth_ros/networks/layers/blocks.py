@@ -216,6 +216,25 @@ class UpSum(nn.Module):
         return result
 
 
+class HereAndAround(nn.Module):
+    """What is at a pixel, by a 1x1 convolution, plus what is around it, by a 3x3 one at half the size.
+
+    Args:
+        in_channels: Of the map.
+        out_channels: Of the result.
+    """
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__()
+        self.here = Projection(in_channels, out_channels)
+        self.around = Projection(in_channels, out_channels, 3)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Takes (B, in_channels, H, W), H and W even, to (B, out_channels, H, W), not activated."""
+        result: Tensor = self.here(x) + double(self.around(functional.avg_pool2d(x, 2)))
+        return result
+
+
 def double(x: Tensor) -> Tensor:
     """Doubles height and width, each value repeated."""
     return functional.interpolate(x, scale_factor=2.0, mode="nearest")

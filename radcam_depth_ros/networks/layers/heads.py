@@ -33,6 +33,5 @@ def sky_head(channels: int) -> Float32Conv2d:
     """
     head = Float32Conv2d(channels, 1, 3, padding=1)
     nn.init.normal_(head.weight, std=0.01)
-    if head.bias is not None:
-        nn.init.constant_(head.bias, -1.0)
+    nn.init.constant_(head.get_parameter("bias"), -1.0)
     return head

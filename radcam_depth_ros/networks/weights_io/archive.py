@@ -37,7 +37,7 @@ def shipped(name: str) -> Path:
 
 
 def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[str] = ()) -> Archive:
-    """Loads a network by name (its shipped weights) or by file (`.safetensors` with its card beside, or an export).
+    """Loads a network by name (its shipped weights) or by file (`.safetensors`, or an export).
 
     Args:
         source: A network's name, or a file.

@@ -27,7 +27,7 @@ PRIMITIVES = frozenset(
     """
     Constant If ListConstruct ListUnpack Loop NumToTensor RaiseException TupleConstruct TupleIndex TupleUnpack
     Uninitialized device dtype max min unchecked_cast
-    """.split()  # noqa: SIM905
+    """.split()  # noqa: SIM905  # as above
 )
 """Building blocks of TorchScript (`prim`)."""
 
