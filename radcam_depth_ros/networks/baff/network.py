@@ -200,7 +200,7 @@ class Baff(Network):
         self.road = RoadVotes(config.channels) if has_road else None
         self.doubt = RoadDoubt() if has_road and config.geometry_mix else None
         self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
-        self.sky = SkyHead(config.channels[0]) if config.geometry_mix else None
+        self.sky = SkyHead(config.channels) if config.geometry_mix else None
         self.mix = GeometryMix(config.channels[0], config.detail) if config.geometry_mix else None
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
@@ -210,7 +210,7 @@ class Baff(Network):
         statistics = self.statistics(image, valid)
         roads = self._roads(maps, ground, statistics, image)
         choice = self._choose(maps, features, best, depth, geometry, roads.used)
-        return self._decide(image, statistics, geometry, roads, best, depth, choice).depths
+        return self._decide(image, maps, statistics, geometry, roads, best, depth, choice).depths
 
     @torch.jit.unused
     def train_outputs(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> TrainOutputs:
@@ -231,7 +231,7 @@ class Baff(Network):
         if not (learns(self.fusion) or (self.mix is not None and learns(self.mix))):
             return TrainOutputs(None, None, association, None, None)
         choice = self._choose(maps, features, best, depth, geometry, roads.used)
-        decision = self._decide(image, statistics, geometry, roads, best, depth, choice)
+        decision = self._decide(image, maps, statistics, geometry, roads, best, depth, choice)
         logits, planes = self.fusion.hypotheses(choice)
         outputs = TrainOutputs(
             decision.depths,
@@ -306,6 +306,7 @@ class Baff(Network):
     def _decide(
         self,
         image: Tensor,
+        maps: list[Tensor],
         statistics: Tensor,
         geometry: Geometry,
         roads: Roads,
@@ -321,7 +322,7 @@ class Baff(Network):
             own = functional.avg_pool2d(plane.float(), self.detail)
             sure = torch.sigmoid(functional.avg_pool2d(confidence_logit.float(), self.detail))
             shown = torch.cat([geometry.prior[:, :1], own, sure], dim=1).detach()
-            sky_logit = self.sky(image, choice.features, shown)
+            sky_logit = self.sky(image, maps, choice.features, shown)
             nearest = functional.interpolate(geometry.nearest, scale_factor=float(self.detail))
             near, used = torch.minimum(roads.told, nearest), torch.minimum(roads.used, nearest).detach()
             planes = [

@@ -3,10 +3,13 @@
 import torch
 from torch import Tensor, nn
 
-from radcam_depth_ros.networks.layers.blocks import LEAK, ConvBlock, HereAndAround, PlanarConv, double
+from radcam_depth_ros.networks.layers.blocks import LEAK, ConvBlock, PlanarConv, Projection, UpSum, double
 
 WIDTH = 24
 """Channels at 1/4."""
+
+COARSE, MIDDLE = 48, 32
+"""Channels at 1/16 and at 1/8."""
 
 PLANES = 3
 """Planes that it sees besides features: the road, the network's own depth, and its confidence."""
@@ -16,37 +19,42 @@ FINE = 8
 
 
 class SkyHead(nn.Module):
-    """Tells the sky from stage 2's features, with a light stem at 1/2 for what is thin against it. Not in the paper.
+    """Tells the sky from features of both stages, with a light stem at 1/2 for what is thin against it. Not in the paper.
 
-    At 1/4 it is told how likely the sky is, and what each channel of the stem says about it there: a dark line is a
-    wire before a bright sky, and nothing on a wall. What is around a pixel is seen at 1/8.
+    The image's encoder, from 1/32 to 1/8, tells what is sky as a whole. At 1/4 it is told how likely the sky is, and
+    what each channel of the stem says about it there: a dark line is a wire before a bright sky, and nothing on a wall.
 
     Args:
-        channels: Of stage 2's features.
+        channels: Of the image encoder's maps at 1/4, 1/8, 1/16, 1/32; stage 2's features have those at 1/4.
     """
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: tuple[int, int, int, int]) -> None:
         super().__init__()
         self.activation = nn.LeakyReLU(LEAK)
-        self.look = HereAndAround(channels + PLANES, WIDTH)
+        self.coarse = UpSum(channels[3], channels[2], COARSE)
+        self.middle = UpSum(COARSE, channels[1], MIDDLE)
+        self.around = Projection(MIDDLE, WIDTH)
+        self.here = Projection(channels[0] + PLANES, WIDTH)
         bias = torch.zeros(1 + FINE)
         bias[0] = -1.0
         self.gates = PlanarConv(WIDTH, bias)
         self.stem = ConvBlock(3, FINE, stride=2)
 
-    def forward(self, image: Tensor, features: Tensor, planes: Tensor) -> Tensor:
+    def forward(self, image: Tensor, maps: list[Tensor], features: Tensor, planes: Tensor) -> Tensor:
         """Tells the sky.
 
         Args:
             image: (B, 3, H, W).
-            features: (B, channels, H / 4, W / 4).
+            maps: Of the image encoder.
+            features: (B, channels, H / 4, W / 4) of stage 2.
             planes: (B, PLANES, H / 4, W / 4) float32.
 
         Returns:
             The logit (B, 1, H / 2, W / 2) float32.
         """
-        seen = torch.cat([features, planes.to(features.dtype)], dim=1)
-        gates = double(self.gates(self.activation(self.look(seen))))
+        around = self.around(self.middle(self.coarse(maps[3], maps[2]), maps[1]))
+        here = self.here(torch.cat([features, planes.to(features.dtype)], dim=1))
+        gates = double(self.gates(self.activation(here.add_(double(around)))))
         fine = (gates[:, 1:] * self.stem(image).float()).sum(dim=1, keepdim=True)
         logit: Tensor = gates[:, :1] + fine
         return logit

@@ -121,7 +121,8 @@ def test_a_corrected_roads_deviation_is_that_of_its_samples() -> None:
 
 
 def test_the_sky_has_half_the_size_and_is_a_probability() -> None:
-    logit = SkyHead(8).eval()(torch.rand(1, 3, 64, 96), torch.randn(1, 8, 16, 24), torch.rand(1, 3, 16, 24))
+    maps = [torch.randn(1, 8, 16 >> level, 24 >> level) for level in range(4)]
+    logit = SkyHead((8, 8, 8, 8)).eval()(torch.rand(1, 3, 64, 96), maps, maps[0], torch.rand(1, 3, 16, 24))
     assert (logit.shape, logit.dtype) == ((1, 1, 32, 48), torch.float32)
 
 
