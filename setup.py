@@ -56,9 +56,11 @@ setup(
         "ros": ["ros-jazzy-rclpy[fastrtps]>=7.1", "ros-jazzy-common-interfaces>=5.3"],
         "sim": ["embreex>=4.4"],
         "dev": [
+            "bandit>=1.8",
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",
             "mypy>=1.10",
+            "pip-audit>=2.8",
             "pytest>=8.2",
             "pytest-timeout>=2.3",
             "pytest-xdist>=3.6",
