@@ -61,10 +61,12 @@ docs: .venv/installed ## executes the commands of README, docs and --help, in co
 generate: .venv/installed ## writes the pages that follow from the package's tables: parameters, outputs
 	@.venv/bin/python scripts/generate_pages.py
 
-lint: .venv/installed ## ruff and mypy, as CI runs them
+lint: .venv/installed ## ruff, mypy, bandit and known vulnerabilities of dependencies, as CI runs them
 	@.venv/bin/python -m ruff check .
 	@.venv/bin/python -m ruff format --check .
 	@.venv/bin/python -m mypy
+	@.venv/bin/python -m bandit --quiet --configfile pyproject.toml --recursive radcam_depth_ros
+	@.venv/bin/python scripts/audit_dependencies.py
 
 format: .venv/installed ## format and sort imports in place
 	@.venv/bin/python -m ruff check --fix .

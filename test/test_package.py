@@ -18,7 +18,11 @@ import radcam_depth_ros
 PACKAGE = "radcam_depth_ros"
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / PACKAGE
-DISTRIBUTIONS = {"cv2": "opencv-python-headless", "yaml": "PyYAML"}  # where the imported name differs
+DISTRIBUTIONS = {
+    "backports": "backports.zstd",
+    "cv2": "opencv-python-headless",
+    "yaml": "PyYAML",
+}  # where the imported name differs
 FROM_ROS = {  # by the extra `ros` or by apt
     "builtin_interfaces",
     "diagnostic_msgs",
@@ -61,7 +65,8 @@ def imported_distributions() -> set[str]:
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 names.add(str(node.module).split(".")[0])
-    return names - {PACKAGE, "__future__"} - set(sys.stdlib_module_names)
+    later = {"compression"}  # of the standard library from Python 3.14
+    return names - {PACKAGE, "__future__", *later, *sys.stdlib_module_names}
 
 
 def test_one_version_everywhere(setup_arguments: dict[str, Any], manifest: ElementTree.Element) -> None:

@@ -10,10 +10,10 @@ from types import TracebackType
 from typing import Any
 
 from rosbags.interfaces import Connection, QosDurability, QosHistory, QosReliability
-from rosbags.rosbag2 import Reader
 
 from radcam_depth_ros.bags.definitions import MessageType
 from radcam_depth_ros.bags.errors import BagError, nearest
+from radcam_depth_ros.bags.recording import BoundedReader
 
 _STORAGE_SUFFIXES = (".mcap", ".db3")
 
@@ -51,7 +51,9 @@ class BagMessage:
         qos_profiles: The quality of service that its publishers offered, as rosbags gives it.
     """
 
-    def __init__(self, connection: Connection, log_time_ns: int, raw: bytes, message_type: MessageType | None) -> None:
+    def __init__(
+        self, connection: Connection, log_time_ns: int, raw: bytes, message_type: MessageType | BagError
+    ) -> None:
         self.topic: str = connection.topic
         self.type_name: str = connection.msgtype
         self.log_time_ns = log_time_ns
@@ -63,7 +65,9 @@ class BagMessage:
     def message_type(self) -> MessageType:
         """How `raw` is laid out; BagError where nobody defines it."""
         # Without a known layout (an old SQLite bag with a vendor's type) only this topic is of no use, not the bag.
-        return self._message_type if self._message_type is not None else MessageType.jazzy(self.type_name)
+        if isinstance(self._message_type, BagError):
+            raise BagError(*self._message_type.args)
+        return self._message_type
 
     @cached_property
     def message(self) -> Any:
@@ -88,14 +92,15 @@ class BagReader:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         _check_is_bag(self.path)
+        self._types: dict[str, MessageType | BagError] = {}
+        self._reader = BoundedReader(self.path)
         try:
-            self._reader = Reader(self.path)
             self._reader.open()
+            self._connections: list[Connection] = list(self._reader.connections)
+            self.topics: tuple[TopicInfo, ...] = self._list_topics()
         except Exception as error:  # a damaged file makes the parser raise nearly anything
-            raise self._damaged(error) from error
-        self._connections: list[Connection] = list(self._reader.connections)
-        self._types: dict[str, MessageType | None] = {}
-        self.topics: tuple[TopicInfo, ...] = self._list_topics()
+            self.close()
+            raise self._unreadable(error) from error
 
     def __enter__(self) -> BagReader:
         return self
@@ -150,19 +155,19 @@ class BagReader:
             try:
                 item = next(stored, None)
             except Exception as error:  # a damaged file makes the parser raise nearly anything
-                raise self._damaged(error) from error
+                raise self._unreadable(error) from error
             if item is None:
                 return
             connection, log_time_ns, raw = item
             yield BagMessage(connection, log_time_ns, bytes(raw), self._type_of(connection))
 
-    def _type_of(self, connection: Connection) -> MessageType | None:
+    def _type_of(self, connection: Connection) -> MessageType | BagError:
         name = connection.msgtype
         if name not in self._types:
             try:
                 self._types[name] = MessageType.recorded(name, connection.msgdef)
-            except BagError:
-                self._types[name] = None
+            except BagError as error:
+                self._types[name] = error
         return self._types[name]
 
     def _list_topics(self) -> tuple[TopicInfo, ...]:
@@ -178,7 +183,9 @@ class BagReader:
             if name not in known:
                 raise BagError(f"the bag {self.path} has no topic {name}; it has {nearest(name, known)}")
 
-    def _damaged(self, error: Exception) -> BagError:
+    def _unreadable(self, error: Exception) -> BagError:
+        if isinstance(error, BagError):
+            return BagError(f"the bag {self.path} cannot be read: {error}")
         reason = str(error).rstrip(".") or type(error).__name__
         return BagError(
             f"the bag {self.path} is truncated, damaged or no ROS 2 bag ({reason}); copy or record it again, "

@@ -193,13 +193,12 @@ class BagWriter:
             )
 
     def _put_in_place(self, written: Path) -> None:
-        assert self._folder is not None
         self._check_free()  # somebody may have been quicker
         source = next(written.glob("*.mcap")) if self._is_file else written
         for file in written.iterdir():
             sync(file)
         if self.path.exists():
-            self.path.rename(self._folder / "replaced")  # goes with the temporary folder
+            self.path.rename(written.parent / "replaced")  # goes with the temporary folder
         source.rename(self.path)
         sync(self.path.parent)
 

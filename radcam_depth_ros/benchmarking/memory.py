@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
+import subprocess  # nosec B404  # starts this module in another process, nothing else
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -69,7 +69,7 @@ def process_peak_mb(subject: Subject, size: Size) -> float:
         BenchmarkError: when that process fails, since memory runs out for example.
     """
     asked = json.dumps({"subject": {**vars(subject), "architecture": dict(subject.architecture)}, "size": vars(size)})
-    done = subprocess.run(
+    done = subprocess.run(  # nosec B603  # this interpreter, and arguments in a list: no shell sees them
         [sys.executable, "-m", "radcam_depth_ros.benchmarking.memory", asked],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
         capture_output=True,

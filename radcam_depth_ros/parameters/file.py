@@ -90,7 +90,8 @@ _Loader.add_implicit_resolver(
 def _load(path: Path) -> Mapping[str, Any]:
     try:
         # A safe loader all the same, with one more form of numbers.
-        mapping = yaml.load(path.read_text(encoding="utf-8"), _Loader)
+        text = path.read_text(encoding="utf-8")
+        mapping = yaml.load(text, _Loader)  # nosec B506  # _Loader is a SafeLoader
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         reason = " ".join(str(error).split())
         raise ParameterError(f"cannot read {path} as a parameter file: {reason}") from None

@@ -7,7 +7,7 @@ ships is the archive, written by `networks.archive`.
 from __future__ import annotations
 
 import copy
-import pickle
+import pickle  # nosec B403  # its error alone; torch reads with weights_only=True
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-import pickle
+import pickle  # nosec B403  # its error alone; torch reads with weights_only=True
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

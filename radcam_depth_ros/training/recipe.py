@@ -231,5 +231,6 @@ def build(values: Mapping[str, Any], source: str = "the recipe") -> TrainingConf
 @functools.cache
 def _defaults() -> TrainingConfig:
     path = recipes.shipped("baff")
-    assert path is not None
+    if path is None:
+        raise TrainingError("the recipe baff.yaml of the package is missing; install the package again")
     return replace(configuration.load(TrainingConfig, path), loss={})

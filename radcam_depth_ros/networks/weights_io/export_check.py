@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import io
-import pickletools
+import pickletools  # nosec B403  # lists a pickle's operations without running them
 import re
 import zipfile
 import zlib
