@@ -7,6 +7,7 @@ are at whole numbers: u = fx x / z + cx (the convention of sensor_msgs/CameraInf
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,6 +167,25 @@ class TransformTree:
         self._parent[child] = (parent, parent_from_child)
         self._found.clear()
 
+    def has_room_for(self, child_frame: str) -> bool:
+        """Whether `set` takes this frame: it is known, or there are fewer than `MAX_LINKS`."""
+        return child_frame.lstrip("/") in self._parent or len(self._parent) < MAX_LINKS
+
+    def remove(self, frame: str) -> None:
+        """Forgets a frame's link to its parent; does nothing for a frame that has none."""
+        if self._parent.pop(frame.lstrip("/"), None) is not None:
+            self._found.clear()
+
+    def joining(self, frames: Iterable[str]) -> frozenset[str]:
+        """The frames whose links join these: each of them and what is above it, up to below what carries them all.
+
+        Where nothing carries them all, and of a single frame, up to the root. Frames that are not known do not count.
+        """
+        known = frozenset(self.frames)
+        paths = [self._path(frame) for frame in {frame.lstrip("/") for frame in frames} if frame in known]
+        shared = frozenset.intersection(*map(frozenset, paths)) if len(paths) > 1 else frozenset()
+        return frozenset(frame for path in paths for frame in path if frame not in shared)
+
     def link(self, frame: str) -> tuple[str, RigidTransform] | None:
         """A frame's parent and `parent_from_frame`; None where it has none, or is not known."""
         return self._parent.get(frame.lstrip("/"))
@@ -207,6 +227,12 @@ class TransformTree:
             )
         found = self._found[target, source] = root_from_target.inverse() @ root_from_source
         return found
+
+    def _path(self, frame: str) -> list[str]:
+        path = [frame]
+        while path[-1] in self._parent:
+            path.append(self._parent[path[-1]][0])
+        return path
 
     def _root(self, frame: str) -> str:
         while frame in self._parent:

@@ -51,7 +51,10 @@ class FrameBuilder:
         self.transforms = TransformTree()
         self._mounts = Mounts(self.transforms, _LIVE_MEMORY)
         refuses_jumps = config.static_transform_jumps == "refuse"
-        self._transform_intake = TransformIntake(self.transforms, self._mounts, refuses_jumps=refuses_jumps)
+        self._transform_intake = TransformIntake(
+            self.transforms, self._mounts, refuses_jumps=refuses_jumps, needed=self._needed_frames
+        )
+        self._sensor_frames: dict[str, str] = {}  # by topic, as the last messages have them
         self._last_sweeps: dict[int, tuple[RadarReading, int]] = {}  # by radar, with its time
         self.dropped_returns = dict.fromkeys(config.radars, 0)
         self.thinned_returns = dict.fromkeys(config.radars, 0)
@@ -122,10 +125,12 @@ class FrameBuilder:
         """
         if topic == self.config.image:
             image = decode_image(message)
+            self._sensor_frames[topic] = image.frame_id
             self._follow(image.frame_id or self.config.camera_frame)
             return self._frames(self._pairer.add_image(image.stamp_ns, image, now_ns))
         if topic in self.config.radars:
             sweep = decode_radar(message, self._aliases[topic])
+            self._sensor_frames[topic] = sweep.frame_id
             self.dropped_returns[topic], self.thinned_returns[topic] = sweep.dropped, sweep.thinned
             return self._frames(self._pairer.add_sweep(topic, sweep.stamp_ns, sweep, now_ns))
         if topic == self.config.calibration_topic:
@@ -188,6 +193,13 @@ class FrameBuilder:
         if camera_ns is None or radar_ns is None:
             return self.transforms.lookup(camera_frame, frame)
         return self._mounts.lookup(camera_frame, camera_ns, frame, radar_ns)
+
+    def _needed_frames(self) -> tuple[str, ...]:
+        """The frames that are looked up, as far as they are known."""
+        config, motion = self.config, self._motion
+        base = motion.base_frame if motion is not None else None
+        names = (*self._sensor_frames.values(), config.camera_frame, *self._radar_frames, config.footprint_frame)
+        return tuple(name for name in (*names, config.odom_frame if config.moves_radar else "", base or "") if name)
 
     def _new_motion(self, camera_frame: str) -> Motion:
         config = self.config
