@@ -7,6 +7,8 @@ are at whole numbers: u = fx x / z + cx (the convention of sensor_msgs/CameraInf
 from __future__ import annotations
 
 import difflib
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +23,10 @@ NETWORK_MULTIPLE = 32
 
 MAX_LINKS = 1000
 """A transform tree takes no more: memory stays bounded whatever comes on /tf."""
+
+_NO_ROTATION = np.eye(3)
+_LARGEST_DEVIATION = 1e-5
+"""Of a rotation times its transpose."""
 
 
 class GeometryError(RadcamDepthError):
@@ -45,9 +51,9 @@ class RigidTransform:
                 f"a rigid transform needs a (3, 3) rotation and a (3,) translation, got {self.rotation.shape} "
                 f"and {self.translation.shape}"
             )
-        if not np.isfinite(self.translation).all() or not np.allclose(
-            self.rotation @ self.rotation.T, np.eye(3), atol=1e-5
-        ):
+        # Not np.allclose, which takes ten times as long; a message of /tf may have a thousand of them. NaN is larger.
+        deviation = np.abs(self.rotation @ self.rotation.T - _NO_ROTATION)
+        if not np.isfinite(self.translation).all() or not deviation.max() <= _LARGEST_DEVIATION:
             raise GeometryError("a rigid transform needs a finite translation and an orthonormal rotation")
 
     @classmethod
@@ -66,13 +72,13 @@ class RigidTransform:
         Raises:
             GeometryError: for a quaternion of length 0 or values that are not finite.
         """
-        quaternion = np.asarray(quaternion_xyzw, np.float64)
-        length = float(np.linalg.norm(quaternion))
-        if quaternion.shape != (4,) or not np.isfinite(length) or length < 1e-6:
+        quaternion: list[float] = np.asarray(quaternion_xyzw, np.float64).tolist()
+        length = math.hypot(*quaternion) if len(quaternion) == 4 else 0.0
+        if not math.isfinite(length) or length < 1e-6:
             raise GeometryError(
-                f"a rotation needs a quaternion x y z w of length 1, got {quaternion.tolist()}; no rotation is 0 0 0 1"
+                f"a rotation needs a quaternion x y z w of length 1, got {quaternion}; no rotation is 0 0 0 1"
             )
-        x, y, z, w = quaternion / length
+        x, y, z, w = (value / length for value in quaternion)
         rotation = np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -166,6 +172,25 @@ class TransformTree:
         self._parent[child] = (parent, parent_from_child)
         self._found.clear()
 
+    def has_room_for(self, child_frame: str) -> bool:
+        """Whether `set` takes this frame: it is known, or there are fewer than `MAX_LINKS`."""
+        return child_frame.lstrip("/") in self._parent or len(self._parent) < MAX_LINKS
+
+    def remove(self, frame: str) -> None:
+        """Forgets a frame's link to its parent; does nothing for a frame that has none."""
+        if self._parent.pop(frame.lstrip("/"), None) is not None:
+            self._found.clear()
+
+    def joining(self, frames: Iterable[str]) -> frozenset[str]:
+        """The frames whose links join these: each of them and what is above it, up to below what carries them all.
+
+        Where nothing carries them all, and of a single frame, up to the root. Frames that are not known do not count.
+        """
+        known = frozenset(self.frames)
+        paths = [self._path(frame) for frame in {frame.lstrip("/") for frame in frames} if frame in known]
+        shared = frozenset.intersection(*map(frozenset, paths)) if len(paths) > 1 else frozenset()
+        return frozenset(frame for path in paths for frame in path if frame not in shared)
+
     def link(self, frame: str) -> tuple[str, RigidTransform] | None:
         """A frame's parent and `parent_from_frame`; None where it has none, or is not known."""
         return self._parent.get(frame.lstrip("/"))
@@ -207,6 +232,12 @@ class TransformTree:
             )
         found = self._found[target, source] = root_from_target.inverse() @ root_from_source
         return found
+
+    def _path(self, frame: str) -> list[str]:
+        path = [frame]
+        while path[-1] in self._parent:
+            path.append(self._parent[path[-1]][0])
+        return path
 
     def _root(self, frame: str) -> str:
         while frame in self._parent:

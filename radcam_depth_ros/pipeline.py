@@ -18,7 +18,7 @@ from radcam_depth_ros.networks import Depths
 class Pipeline:
     """Messages in, depth messages out, in three steps: `build`, `estimate`, `encode`.
 
-    Each step may run in a thread of its own, but no step in two threads at once.
+    Each step may run in a thread of its own, but no step in two threads at once, but for `decode`.
 
     Args:
         frame_builder: Decodes and pairs.
@@ -44,6 +44,14 @@ class Pipeline:
     def build(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
         """Takes one message and gives the frames that are complete now, see `FrameBuilder.add`."""
         return self.frame_builder.add(topic, message, now_ns)
+
+    def decode(self, topic: str, message: Any) -> Any:
+        """The first part of `build`, which may run in any thread, see `FrameBuilder.decode`."""
+        return self.frame_builder.decode(topic, message)
+
+    def take(self, topic: str, content: Any, now_ns: int) -> tuple[Frame, ...]:
+        """The last part of `build`, with what `decode` gave."""
+        return self.frame_builder.take(topic, content, now_ns)
 
     def estimate(self, frame: Frame, wanted: Collection[str]) -> DepthResult | None:
         """Estimates a frame's depth: `prepare`, the network, `finish`.

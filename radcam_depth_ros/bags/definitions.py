@@ -47,6 +47,18 @@ def jazzy_typestore() -> Any:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
+def deserialise(raw: bytes, name: str) -> Any:
+    """The message of a type of ROS 2 Jazzy in CDR bytes, which its arrays are views of.
+
+    Raises:
+        BagError: for bytes that do not fit the type.
+    """
+    try:
+        return jazzy_typestore().deserialize_cdr(raw, name)
+    except Exception as error:  # damaged bytes make the parser raise nearly anything
+        raise BagError(f"{len(raw)} bytes are no {name}: {error}") from error
+
+
 class MessageType:
     """Layout of one message type.
 

@@ -51,7 +51,10 @@ class FrameBuilder:
         self.transforms = TransformTree()
         self._mounts = Mounts(self.transforms, _LIVE_MEMORY)
         refuses_jumps = config.static_transform_jumps == "refuse"
-        self._transform_intake = TransformIntake(self.transforms, self._mounts, refuses_jumps=refuses_jumps)
+        self._transform_intake = TransformIntake(
+            self.transforms, self._mounts, refuses_jumps=refuses_jumps, needed=self._needed_frames
+        )
+        self._sensor_frames: dict[str, str] = {}  # by topic, as the last messages have them
         self._last_sweeps: dict[int, tuple[RadarReading, int]] = {}  # by radar, with its time
         self.dropped_returns = dict.fromkeys(config.radars, 0)
         self.thinned_returns = dict.fromkeys(config.radars, 0)
@@ -120,25 +123,44 @@ class FrameBuilder:
         Raises:
             RadcamDepthError: for a message that cannot be used; it is left out, and nothing else is lost.
         """
+        return self.take(topic, self.decode(topic, message), now_ns)
+
+    def decode(self, topic: str, message: Any) -> Any:
+        """What is in a message of a topic: the first part of `add`, which may run in any thread.
+
+        Raises:
+            RadcamDepthError: for a message that cannot be used.
+        """
         if topic == self.config.image:
-            image = decode_image(message)
+            return decode_image(message)
+        if topic in self.config.radars:
+            return decode_radar(message, self._aliases[topic])
+        # Calibration and odometry are small, and read where they are taken.
+        return decode_transforms(message) if topic in TRANSFORM_TOPICS else message
+
+    def take(self, topic: str, content: Any, now_ns: int) -> tuple[Frame, ...]:
+        """Takes what `decode` gave: the second part of `add`, with the same result and errors."""
+        if topic == self.config.image:
+            image: ImageReading = content
+            self._sensor_frames[topic] = image.frame_id
             self._follow(image.frame_id or self.config.camera_frame)
             return self._frames(self._pairer.add_image(image.stamp_ns, image, now_ns))
         if topic in self.config.radars:
-            sweep = decode_radar(message, self._aliases[topic])
+            sweep: RadarReading = content
+            self._sensor_frames[topic] = sweep.frame_id
             self.dropped_returns[topic], self.thinned_returns[topic] = sweep.dropped, sweep.thinned
             return self._frames(self._pairer.add_sweep(topic, sweep.stamp_ns, sweep, now_ns))
         if topic == self.config.calibration_topic:
-            if self._calibration is None or not self._calibration.matches(message):
+            if self._calibration is None or not self._calibration.matches(content):
                 self._calibration = None
-                self._calibration = Calibration(message, image_is_rectified=self.config.image_is_rectified)
+                self._calibration = Calibration(content, image_is_rectified=self.config.image_is_rectified)
         elif topic in TRANSFORM_TOPICS:
             is_static = topic == TRANSFORM_TOPICS[0]
-            links = self._transform_intake.add(decode_transforms(message), is_static=is_static)
+            links = self._transform_intake.add(content, is_static=is_static)
             if not is_static and self._motion is not None and not self.config.odometry:
                 self._motion.add_links(links)
         elif topic == self.config.odometry and self._motion is not None:
-            self._motion.add(message)
+            self._motion.add(content)
         return ()
 
     def expire(self, now_ns: int) -> tuple[Frame, ...]:
@@ -188,6 +210,13 @@ class FrameBuilder:
         if camera_ns is None or radar_ns is None:
             return self.transforms.lookup(camera_frame, frame)
         return self._mounts.lookup(camera_frame, camera_ns, frame, radar_ns)
+
+    def _needed_frames(self) -> tuple[str, ...]:
+        """The frames that are looked up, as far as they are known."""
+        config, motion = self.config, self._motion
+        base = motion.base_frame if motion is not None else None
+        names = (*self._sensor_frames.values(), config.camera_frame, *self._radar_frames, config.footprint_frame)
+        return tuple(name for name in (*names, config.odom_frame if config.moves_radar else "", base or "") if name)
 
     def _new_motion(self, camera_frame: str) -> Motion:
         config = self.config

@@ -1,13 +1,14 @@
-"""Takes transforms of `/tf_static` and `/tf`, and notes where they disagree."""
+"""Takes transforms of `/tf_static` and `/tf`, notes where they disagree, and forgets frames that are too many."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from radcam_depth_ros.geometry import RigidTransform, TransformTree
+from radcam_depth_ros.geometry import MAX_LINKS, RigidTransform, TransformTree
 from radcam_depth_ros.messages import StampedTransform
 from radcam_depth_ros.motion import Mounts
 
@@ -21,24 +22,44 @@ class TransformIntake:
     A frame that `/tf_static` places is placed by it alone: what `/tf` says of it is left out. A static transform may
     come again, and jump: it is followed, or refused.
 
+    Where there are `MAX_LINKS` frames, a new one takes the place of the one that was heard of longest ago: of those on
+    `/tf`, else of those on `/tf_static`. Links that join the needed frames stay.
+
     Args:
         transforms: The tree.
-        mounts: Told of the links of `/tf` that are taken.
+        mounts: Told of the links of `/tf` that are taken, and of frames that are forgotten.
+        needed: Gives the frames that are looked up.
         refuses_jumps: Static transforms keep their first value for good.
     """
 
-    def __init__(self, transforms: TransformTree, mounts: Mounts, *, refuses_jumps: bool) -> None:
+    def __init__(
+        self,
+        transforms: TransformTree,
+        mounts: Mounts,
+        *,
+        refuses_jumps: bool,
+        needed: Callable[[], Iterable[str]] = tuple,
+    ) -> None:
         self._transforms = transforms
         self._mounts = mounts
         self._refuses_jumps = refuses_jumps
-        self._static: set[str] = set()
+        self._needed = needed
+        # Both in the order in which they were heard of, the oldest first.
+        self._static: OrderedDict[str, None] = OrderedDict()
+        self._moving: OrderedDict[str, None] = OrderedDict()
+        self._forgotten = 0
         self._conflicts: dict[str, str] = {}
         self._jumps: dict[str, str] = {}
 
     @property
     def problem(self) -> str:
-        """What disagrees, as a sentence; empty where nothing does."""
-        return next(iter((*self._conflicts.values(), *self._jumps.values())), "")
+        """What disagrees, or that the last message had too many frames, as a sentence; empty where all is well."""
+        crowd = (
+            f"expected at most {MAX_LINKS} frames on /tf_static and /tf, got {self._forgotten} more: those that were "
+            "heard of longest ago are forgotten, none that the node needs; mend who publishes ever new names"
+        )
+        crowds = (crowd,) if self._forgotten else ()
+        return next(iter((*self._conflicts.values(), *self._jumps.values(), *crowds)), "")
 
     def add(self, links: Sequence[StampedTransform], *, is_static: bool) -> tuple[StampedTransform, ...]:
         """Takes the links of a message.
@@ -54,16 +75,41 @@ class TransformIntake:
             GeometryError: for a link that the tree refuses; those before it are taken.
         """
         taken = []
+        self._forgotten = 0
+        kept = self._transforms.joining(self._needed()) if self._is_crowded(links) else frozenset()
         for link in links:
             child = link.child_frame.lstrip("/")
             if self._accepts_static(child, link) if is_static else self._accepts_moving(child, link):
+                if not self._transforms.has_room_for(child):
+                    self._forget_oldest(kept)
                 self._transforms.set(link.parent_frame, link.child_frame, link.parent_from_child)
                 taken.append(link)
-                if is_static:
-                    self._static.add(child)
-                else:
+                self._note(child, is_static=is_static)
+                if not is_static:
                     self._mounts.add(link)
         return tuple(taken)
+
+    def _is_crowded(self, links: Sequence[StampedTransform]) -> bool:
+        """Whether the tree might be full before these are in it."""
+        return len(self._static) + len(self._moving) + len(links) > MAX_LINKS
+
+    def _note(self, child: str, *, is_static: bool) -> None:
+        heard = self._static if is_static else self._moving
+        heard[child] = None
+        heard.move_to_end(child)
+        if is_static:
+            self._moving.pop(child, None)
+
+    def _forget_oldest(self, kept: frozenset[str]) -> None:
+        for heard in (self._moving, self._static):
+            child = next((child for child in heard if child not in kept), None)
+            if child is not None:
+                for entries in (heard, self._conflicts, self._jumps):
+                    entries.pop(child, None)
+                self._transforms.remove(child)
+                self._mounts.forget(child)
+                self._forgotten += 1
+                return
 
     def _accepts_moving(self, child: str, link: StampedTransform) -> bool:
         if child not in self._static:

@@ -138,13 +138,13 @@ def encode_odometry(factory: MessageFactory, odometry: OdometryReading) -> Any:
 
 
 def _rigid(translation: Any, rotation: Any, what: str) -> RigidTransform:
-    quaternion = np.array([rotation.x, rotation.y, rotation.z, rotation.w], np.float64)
-    position_m = _values(translation)
+    quaternion = [rotation.x, rotation.y, rotation.z, rotation.w]
+    position_m = [translation.x, translation.y, translation.z]
     for name, values in (("translation in metres", position_m), ("quaternion", quaternion)):
-        if not (np.abs(values) < LARGEST_M).all():  # NaN is not
+        if not all(abs(value) < LARGEST_M for value in values):  # NaN is not
             raise MessageError(
-                f"{what} can't be used: expected a {name} of numbers below {LARGEST_M:g}, got {values.tolist()}; fix "
-                "who publishes it"
+                f"{what} can't be used: expected a {name} of numbers below {LARGEST_M:g}, got {values}; fix who "
+                "publishes it"
             )
     try:
         return RigidTransform.from_quaternion(position_m, quaternion)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 
 from radcam_depth_ros.geometry import RigidTransform
@@ -71,6 +72,14 @@ class MovingLinks:
         """`parent_from_child` as it was told for the time that is nearest; None where it never was."""
         link = self._links.get(child)
         return None if link is None else link[1].nearest(time_ns)
+
+    def forget(self, child: str) -> None:
+        """Forgets a link, where it is known."""
+        self._links.pop(child, None)
+
+    def keep(self, children: Container[str]) -> None:
+        """Forgets all links but those of these children."""
+        self._links = {child: link for child, link in self._links.items() if child in children}
 
     def forget_before(self, time_ns: int) -> None:
         """Forgets poses that no time from this one on needs."""

@@ -27,6 +27,10 @@ class Mounts:
         parent, child = link.parent_frame.lstrip("/"), link.child_frame.lstrip("/")
         self._moving.add(parent, child, link.stamp_ns, link.parent_from_child)
 
+    def forget(self, child_frame: str) -> None:
+        """Forgets a link, which the tree has no more."""
+        self._moving.forget(child_frame.lstrip("/"))
+
     def lookup(self, target_frame: str, target_ns: int, source_frame: str, source_ns: int) -> RigidTransform:
         """`target_from_source`, each frame where it was at its time on what carries both of them.
 

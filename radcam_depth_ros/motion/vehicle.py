@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from radcam_depth_ros.frame import RadcamDepthError
-from radcam_depth_ros.geometry import RigidTransform, TransformTree
+from radcam_depth_ros.geometry import MAX_LINKS, RigidTransform, TransformTree
 from radcam_depth_ros.messages import StampedTransform, decode_odometry, decode_transforms
 from radcam_depth_ros.motion.links import EVERYTHING, Memory, MovingLinks
 
@@ -83,6 +83,8 @@ class Motion:
     def add_links(self, links: Iterable[StampedTransform]) -> None:
         """Takes links of /tf."""
         above = self._above_anchor() if self._odom_frame else ()
+        if self._odom_frame and len(self._links) > MAX_LINKS:
+            self._links.keep(above)
         for link in links:
             child = link.child_frame.lstrip("/")
             if self._odom_frame:

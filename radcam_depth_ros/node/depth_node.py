@@ -23,6 +23,7 @@ from radcam_depth_ros.engine import apart, give_back_memory
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilder
+from radcam_depth_ros.node.answers import Answers
 from radcam_depth_ros.node.diagnostics import Diagnostics, Snapshot
 from radcam_depth_ros.node.health import Level, Problems
 from radcam_depth_ros.node.latency import LatencyTopics
@@ -73,6 +74,9 @@ class RadcamDepthNode(LifecycleNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._tick = self.create_timer(DIAGNOSTICS_PERIOD_S, self._on_tick, clock=steady)
         self._start: Timer | None = None
+        self._answers = Answers(
+            self, lambda sentence: self._problems.report("lifecycle", Level.WARN, sentence), self.report_defect
+        )
         if self.get_parameter("autostart").value:
             self._start = self.create_timer(0.0, self._on_start, clock=steady)
 
@@ -256,7 +260,10 @@ class RadcamDepthNode(LifecycleNode):
             self.destroy_timer(self._start)
             self._start = None
         life: LifecycleNode = self
-        if life.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+        # A lifecycle manager may have been quicker.
+        if self._phase == "unconfigured":
+            life.trigger_configure()
+        if self._phase == "inactive":
             life.trigger_activate()
 
     def _on_tick(self) -> None:

@@ -62,7 +62,7 @@ class _Life(threading.Thread):
 def _spin_once(executor: SingleThreadedExecutor, node: RadcamDepthNode) -> None:
     try:
         executor.spin_once(timeout_sec=0.2)
-    except Exception as error:  # rclpy's own, such as when it is asked for a transition that is not possible
+    except Exception as error:  # rclpy's own: callbacks and services handle theirs
         node.report_defect(error)
 
 

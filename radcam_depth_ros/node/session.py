@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock
@@ -24,6 +25,7 @@ from radcam_depth_ros.node.mailbox import Worker
 from radcam_depth_ros.node.stamps import LostMessages, SensorStamps, StampOffset
 from radcam_depth_ros.node.topics.inputs import Input, Inputs, subscribe
 from radcam_depth_ros.node.topics.outputs import Outputs
+from radcam_depth_ros.node.topics.reader import Reader, Reading, TooLargeError, UndecodableError
 from radcam_depth_ros.node.warm_up import WarmUp
 from radcam_depth_ros.pairing import for_each_radar
 from radcam_depth_ros.pipeline import Pipeline
@@ -81,8 +83,13 @@ class Session:
         self.used = {source.part: 0 for source in inputs}
         """How many of them could be used."""
         self.lost = {source.part: LostMessages() for source in inputs}
-        self.publishers: dict[str, int] = {}
-        """How many there are of each part, as far as that was looked up."""
+        self.unusable: Counter[str] = Counter()
+        """How many of each part could not be used."""
+        self.undecodable: Counter[str] = Counter()
+        """Of these, how many were no messages of their type."""
+        self.too_large: Counter[str] = Counter()
+        """Of these, how many were larger than what is read."""
+        self._publishers: dict[str, int] = {}  # of each part, as far as that was looked up
         self.stamps = {source.part: SensorStamps() for source in (inputs.camera, *inputs.radars)}
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
         """Of each radar, as it is stamped: without `radar_time_offset_s`."""
@@ -92,6 +99,7 @@ class Session:
         self.busy_since_ns: int | None = None
         self._is_motion_told = False
         self._is_closed = False
+        self.reader = Reader(node, pipeline.decode, self._on_read)
         self._worker: Worker[Ticket] = Worker(self._work, "radcam_depth")
         self.warm_up = WarmUp(pipeline, self._worker, self._on_inference_error)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -129,35 +137,60 @@ class Session:
         for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
         self._subscriptions.clear()
+        self.reader.close(timeout_s)
         return self._worker.close(timeout_s)
 
-    def _on_message(self, source: Input, message: Any, number: int | None) -> None:
+    def publishers(self, source: Input) -> int:
+        """How many publishers an input has now."""
+        count = self._publishers[source.part] = self._node.count_publishers(source.topic)
+        return count
+
+    def _on_message(self, source: Input, raw: bytes, number: int | None) -> None:
         now_ns = time.monotonic_ns()
         self.rates[source.part].tick(now_ns)
-        self.lost[source.part].add(number, self.publishers.get(source.part, 0))
+        self.lost[source.part].add(number, partial(self._known_publishers, source))
+        self.reader.put(source, raw, now_ns)
+
+    def _known_publishers(self, source: Input) -> int:
+        # Several were counted a second ago or so; asked for each message that would cost more than most messages do.
+        known = self._publishers.get(source.part, 0)
+        return known if known > 1 else self.publishers(source)
+
+    def _on_read(self, reading: Reading) -> None:
+        source, message = reading.source, reading.message
         try:
-            frames = self._build(source, message, now_ns)
+            frames = self._take(reading)
         except FrameBuilderError as error:
-            self._check(source, message, now_ns)
+            self._check(source, message, reading.arrived_ns)
             self._on_unusable_image(error)
-        except RadcamDepthError as error:
-            self._problems.report(source.part, Level.ERROR, str(error))
         except Exception as error:  # the boundary: a message must never take the node down
-            self._on_defect(source.part, error)
+            self.unusable[source.part] += 1
+            self._on_unusable(source.part, error)
         else:
-            self._check(source, message, now_ns)
+            self._check(source, message, reading.arrived_ns)
             if source is self.inputs.camera_info:
                 self.warm_up.follow()
             self._hand_over(frames)
 
-    def _build(self, source: Input, message: Any, now_ns: int) -> tuple[Frame, ...]:
-        try:
-            return self.pipeline.build(source.topic, message, self.clock.now_ns())
-        finally:
-            if source is self.inputs.camera:
-                self._images[_stamp_ns(message)] = (now_ns, time.monotonic_ns())
-                if len(self._images) > _IMAGES_REMEMBERED:
-                    self._images.popitem(last=False)
+    def _take(self, reading: Reading) -> tuple[Frame, ...]:
+        if reading.source is self.inputs.camera and reading.message is not None:
+            self._images[_stamp_ns(reading.message)] = (reading.arrived_ns, reading.decoded_ns)
+            if len(self._images) > _IMAGES_REMEMBERED:
+                self._images.popitem(last=False)
+        if reading.error is not None:
+            raise reading.error
+        return self.pipeline.take(reading.source.topic, reading.content, self.clock.now_ns())
+
+    def _on_unusable(self, part: str, error: Exception) -> None:
+        if isinstance(error, TooLargeError):
+            # Once in the log: what is left out does no harm, and who publishes it may go on for ever.
+            self._problems.report(part, Level.WARN, str(error), quietly=self.too_large[part] > 0)
+            self.too_large[part] += 1
+        elif isinstance(error, RadcamDepthError):
+            self.undecodable[part] += isinstance(error, UndecodableError)
+            self._problems.report(part, Level.ERROR, str(error))
+        else:
+            self._on_defect(part, error)
 
     def _on_expiry(self) -> None:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -82,12 +83,17 @@ class LostMessages:
         self.count = 0
         self._last: int | None = None
 
-    def add(self, number: int | None, publishers: int) -> None:
-        """Takes a message's number, None where the middleware gives none, and how many publishers there are."""
-        if not number or publishers != 1:
-            self._last = None
-            return
+    def add(self, number: int | None, publishers: Callable[[], int]) -> None:
+        """Takes a message's number, None where the middleware gives none.
+
+        Args:
+            number: The number.
+            publishers: How many there are; asked where numbers were left out.
+        """
+        last, self._last = self._last, number or None
         # A lower number is of a publisher that began anew.
-        if self._last is not None and number > self._last + 1:
-            self.count += number - self._last - 1
-        self._last = number
+        if number and last is not None and number > last + 1:
+            if publishers() == 1:
+                self.count += number - last - 1
+            else:
+                self._last = None

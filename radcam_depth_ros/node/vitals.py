@@ -58,15 +58,10 @@ class Vitals:
     def _sensor(self, source: Input, silent_level: Level) -> Status:
         session = self._session
         rate = session.rates[source.part]
-        publishers = session.publishers[source.part] = self._node.count_publishers(source.topic)
         values: Values = (
             ("topic", source.topic),
             ("type", source.type_name),
-            ("publishers", str(publishers)),
-            ("messages", str(rate.count)),
-            ("used", str(session.used[source.part])),
-            ("not usable", str(rate.count - session.used[source.part])),
-            ("lost before they came", str(session.lost[source.part].count)),
+            *self._counts(source),
             *_pace(rate),
             *self._stamps(source),
             *self._problems.history(source.part),
@@ -85,6 +80,22 @@ class Vitals:
         if not rate.count:
             return Status(source.part, Level.STALE, f"waiting for the first message on {source.topic}", values)
         return Status(source.part, Level.OK, f"{rate.hertz(time.monotonic_ns()):.1f} Hz on {source.topic}", values)
+
+    def _counts(self, source: Input, prefix: str = "") -> Values:
+        session, part = self._session, source.part
+        publishers, lost = session.publishers(source), str(session.lost[part].count)
+        counts = {
+            "publishers": publishers,
+            "messages": session.rates[part].count,
+            "used": session.used[part],
+            "not usable": session.unusable[part],
+            "undecodable": session.undecodable[part],
+            "too large": session.too_large[part],
+            "dropped before they were decoded": session.reader.dropped[part],
+            # Numbers of several publishers cannot be told apart.
+            "lost before they came": lost if publishers <= 1 else f"{lost} or more, of {publishers} publishers",
+        }
+        return tuple((prefix + name, str(count)) for name, count in counts.items())
 
     def _stamps(self, source: Input) -> Values:
         session, values = self._session, []
@@ -107,6 +118,11 @@ class Vitals:
         )
         values = (
             *_pace(session.rates[info.part]),
+            *(
+                value
+                for source in (info, *session.inputs.transforms)
+                for value in self._counts(source, f"{source.part}: ")
+            ),
             ("frames", " ".join(session.frame_builder.transforms.frames)),
             *self._problems.history(*parts),
         )
@@ -247,7 +263,8 @@ class Vitals:
             *_pace(session.frames_out),
             ("images", str(session.rates[camera].count)),
             ("frames out", str(session.frames_out.count)),
-            ("dropped: unreadable", str(session.rates[camera].count - session.used[camera])),
+            ("dropped: unreadable", str(session.unusable[camera])),
+            ("dropped: before decoding", str(session.reader.dropped[camera])),
             ("dropped: duplicate", str(counts.duplicates)),
             ("dropped: no calibration or transform", str(session.images_unusable)),
             ("dropped: overload", str(session.frames_dropped)),

@@ -12,7 +12,7 @@ from small_drive import CAMERA, small_image
 from radcam_depth_ros.bags import factory
 from radcam_depth_ros.frame import Frame
 from radcam_depth_ros.frame_builder import FrameBuilder, FrameBuilderConfig, FrameBuilderError
-from radcam_depth_ros.geometry import RigidTransform
+from radcam_depth_ros.geometry import MAX_LINKS, RigidTransform
 from radcam_depth_ros.messages import (
     OdometryReading,
     StampedTransform,
@@ -50,9 +50,17 @@ def link(parent: str, child: str, time_s: float, pose: RigidTransform) -> object
 
 
 def ride(
-    config: FrameBuilderConfig, *, speed: bool = False, silent_after_s: float = 9.0, until_s: float = 1.0
+    config: FrameBuilderConfig,
+    *,
+    speed: bool = False,
+    silent_after_s: float = 9.0,
+    until_s: float = 1.0,
+    bogus: int = 0,
 ) -> list[Frame]:
-    """Images at 10 Hz, 20 ms after a sweep, the mount told at 50 Hz, and what tells how the vehicle drives."""
+    """Images at 10 Hz, 20 ms after a sweep, the mount told at 50 Hz, and what tells how the vehicle drives.
+
+    A hundred times a second so many frames come on `/tf_static` and on `/tf` that never came before.
+    """
     frame_builder = FrameBuilder(config)
     for child, parent, pose in (("pan", "camera", PAN_FROM_CAMERA), ("base", "radar", BASE_FROM_RADAR)):
         frame_builder.add("/tf_static", link(child, parent, 0, pose), 0)
@@ -61,6 +69,10 @@ def ride(
     frames: list[Frame] = []
     for tick in range(round(until_s * 100)):
         time_s, now_ns = tick / 100, tick * SECOND // 100
+        for topic in ("/tf_static", "/tf") if bogus else ():
+            names = [f"{topic}/{tick}/{number}" for number in range(bogus)]
+            links = [StampedTransform("base", name, now_ns, STILL) for name in names]
+            frame_builder.add(topic, encode_transforms(factory, links), now_ns)
         place = driven(time_s) if speed else STILL
         if tick % 2 == 0:
             frame_builder.add("/tf", link("base", "pan", time_s, panned(time_s)), now_ns)
@@ -75,6 +87,8 @@ def ride(
             frames += frame_builder.add("/image", encode_image(factory, small_image(0), now_ns, "camera"), now_ns)
         frames += frame_builder.expire(now_ns)
     assert len(frames) == round(until_s * 10)
+    assert len(frame_builder.transforms.frames) <= MAX_LINKS + 1
+    assert bool(frame_builder.transform_problem.count("ever new names")) == bool(bogus)
     return frames
 
 
@@ -87,6 +101,14 @@ def test_returns_and_road_are_where_the_camera_looks_at_the_images_time() -> Non
         time_s = frame.stamp_ns / SECOND
         np.testing.assert_allclose(frame.radar.xyz_m, in_camera(STILL, time_s), atol=2e-3)
         assert frame.ground.height_m == pytest.approx(1.6 + 0.1 * time_s, abs=1e-4)
+
+
+@pytest.mark.parametrize("config", [CONFIG, replace(CONFIG, odom_frame="odom", radar_motion_compensation=True)])
+def test_ever_new_frames_change_nothing(config: FrameBuilderConfig) -> None:
+    for with_bogus, without in zip(ride(config, bogus=25), ride(config), strict=True):
+        assert len(without.radar) == len(with_bogus.radar) > 0
+        np.testing.assert_array_equal(with_bogus.radar.xyz_m, without.radar.xyz_m)
+        assert with_bogus.ground == without.ground
 
 
 @pytest.mark.parametrize("source", [{"odometry": "/odom"}, {"odom_frame": "odom"}])

@@ -17,18 +17,18 @@ def test_images_that_are_lost_while_the_node_is_busy_are_counted(
     bench.connect()
     bench.await_depth()
     session = bench.node._session
-    bench.until(lambda: session.publishers.get("camera") == 1, what="that there is one publisher")
+    bench.until(lambda: session._publishers.get("camera") == 1, what="that there is one publisher")
     bench.send("image", bench.image())
     rate, lost = session.rates["camera"], session.lost["camera"]
     count = rate.count
     bench.send_until(lambda: rate.count > count, lambda: bench.send("image", bench.image()), what="an image")
-    build, is_held = session._build, threading.Event()
+    put, is_held = session.reader.put, threading.Event()
 
     def hold(*arguments: Any) -> Any:
         is_held.wait(60)
-        return build(*arguments)
+        return put(*arguments)
 
-    monkeypatch.setattr(session, "_build", hold)
+    monkeypatch.setattr(session.reader, "put", hold)
     before = rate.count + lost.count
     for _ in range(20):
         bench.now_ns += 100_000_000

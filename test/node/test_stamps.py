@@ -23,19 +23,19 @@ def test_missing_messages_are_counted_by_the_gaps_that_they_leave() -> None:
 def test_what_was_published_and_never_came_is_counted() -> None:
     lost = LostMessages()
     for number in (7, 8, 11, 12, 20):
-        lost.add(number, 1)
+        lost.add(number, lambda: 1)
     assert lost.count == 2 + 7
     for number in (1, 2, 4):  # a publisher that began anew
-        lost.add(number, 1)
+        lost.add(number, lambda: 1)
     assert lost.count == 10
 
 
 @pytest.mark.parametrize(("number", "publishers"), [(None, 1), (0, 1), (90, 2), (90, 0)])
 def test_numbers_that_tell_nothing_count_nothing(number: int | None, publishers: int) -> None:
     lost = LostMessages()
-    lost.add(3, 1)
-    lost.add(number, publishers)
-    lost.add(120, 1)
+    lost.add(3, lambda: 1)
+    lost.add(number, lambda: publishers)
+    lost.add(120, lambda: 1)
     assert lost.count == 0
 
 

@@ -173,7 +173,7 @@ def has_transform_messages() -> bool:
 def subscribe(
     node: Node,
     source: Input,
-    on_message: Callable[[Input, Any, int | None], None],
+    on_message: Callable[[Input, bytes, int | None], None],
     on_problem: Callable[[str, str], None],
 ) -> Subscription:
     """Subscribes to an input.
@@ -181,7 +181,8 @@ def subscribe(
     Args:
         node: The node.
         source: The input.
-        on_message: Called with the input, each message, and its publisher's number of it, None where it has none.
+        on_message: Called with the input, each message's bytes, and its publisher's number of it, None where it has
+            none.
         on_problem: Called with the input's part and a sentence when a publisher cannot be heard.
     """
 
@@ -197,8 +198,8 @@ def subscribe(
     def on_other_type(_: object) -> None:
         on_problem(source.part, f"expected {source.type_name} on {source.topic}, somebody publishes another type")
 
-    def take(message: Any, info: Mapping[str, int | None]) -> None:
-        on_message(source, message, info["publication_sequence_number"])
+    def take(raw: bytes, info: Mapping[str, int | None]) -> None:
+        on_message(source, raw, info["publication_sequence_number"])
 
     return node.create_subscription(
         message_class(source.type_name),
@@ -207,4 +208,5 @@ def subscribe(
         source.qos,
         event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible, incompatible_type=on_other_type),
         qos_overriding_options=QoSOverridingOptions(OVERRIDABLE),
+        raw=True,
     )
