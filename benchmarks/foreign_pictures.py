@@ -229,7 +229,7 @@ def main() -> None:
         values = {
             "bags": [str(bag) for bag in bags],
             "weights": estimator.describe(),
-            "precision": estimator.precision,
+            "precision": estimator.computation.precision,
             "pictures": rows,
         }
         write_json(values, options.json)

@@ -79,6 +79,29 @@ class EstimatorConfig:
 
 
 @dataclass(frozen=True)
+class Computation:
+    """What the digits of a depth image follow from: vehicles of a fleet that have the same compute the same.
+
+    Attributes:
+        precision: The number format of the network: `float32` or `bfloat16`.
+        threads: CPU threads of the network, where nothing else runs on the computer.
+        weights_sha256: SHA-256 of the weight file, as `sha256sum` prints it; empty for a network of no file.
+    """
+
+    precision: str
+    threads: int
+    weights_sha256: str
+
+    def values(self) -> tuple[tuple[str, str], ...]:
+        """Names and values, as diagnostics show them."""
+        return (
+            ("number format", self.precision),
+            ("threads", str(self.threads)),
+            ("SHA-256 of the weight file", self.weights_sha256 or "none: the network is of no file"),
+        )
+
+
+@dataclass(frozen=True)
 class NetworkInputs:
     """A frame as the network takes it.
 
@@ -119,10 +142,11 @@ def radar_columns(radar: RadarReturns, camera: CameraModel, max_depth_m: float) 
     return columns[kept].astype(np.float32)
 
 
-def _load(config: EstimatorConfig, loaded: Archive | None) -> tuple[Card, Engine]:
+def _load(config: EstimatorConfig, loaded: Archive | None) -> tuple[Card, Engine, str]:
     name = config.model_file or config.network
     source = loaded or archive.load(name, allow_exported=config.allow_exported, trusted=config.trusted_models)
-    return source.card, Engine(source.network, config.device, config.precision, threads=config.threads)
+    engine = Engine(source.network, config.device, config.precision, threads=config.threads)
+    return source.card, engine, source.file_sha256
 
 
 class Estimator:
@@ -142,7 +166,7 @@ class Estimator:
         use_one_thread()
         if self.config.threads:
             torch.set_num_threads(self.config.threads)
-        self.card, self._engine = apart(partial(_load, self.config, loaded))
+        self.card, self._engine, self._weights_sha256 = apart(partial(_load, self.config, loaded))
         self._plans: dict[CameraModel, CanonicalCamera] = {}
 
     def can_adjust(self, config: EstimatorConfig) -> bool:
@@ -169,14 +193,9 @@ class Estimator:
         )
 
     @property
-    def precision(self) -> str:
-        """The number format of the network: `float32` or `bfloat16`."""
-        return self._engine.precision
-
-    @property
-    def threads(self) -> int:
-        """CPU threads of the network, where nothing else runs on the computer."""
-        return self._engine.threads
+    def computation(self) -> Computation:
+        """What the digits of its depth follow from."""
+        return Computation(self._engine.precision, self._engine.threads, self._weights_sha256)
 
     @property
     def tells_classes(self) -> bool:

@@ -1,6 +1,7 @@
 """Writes the pages and files that follow from the package's tables: `make generate`, or `--check` to compare alone.
 
-Parameters come from `parameters.SECTIONS` and the texts beside the config's fields, outputs from `encoder.OUTPUTS`.
+Parameters come from `parameters.SECTIONS` and the texts beside the config's fields, outputs from `encoder.OUTPUTS`. The
+policy of SROS 2 has both, and what every lifecycle node has.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from radcam_depth_ros.encoder import OUTPUTS, Output
-from radcam_depth_ros.parameters import PARAMETERS, SECTIONS, ParameterSpec
+from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX, TRANSFORM_TOPICS, FrameBuilderConfig
+from radcam_depth_ros.node.latency import LATENCY_TOPICS
+from radcam_depth_ros.parameters import NODE_NAME, PARAMETERS, SECTIONS, ParameterSpec
 
 ROOT = Path(__file__).parents[1]
 BY_NAME = {spec.name: spec for spec in PARAMETERS}
@@ -70,6 +73,32 @@ All parameters of the node `radcam_depth`. [config/node.yaml](../config/node.yam
 Live parameters can be set while the node is active and count from the next image on. All others can be set while it is
 not active, except `autostart`, which counts at the start alone.
 """
+POLICY_HEAD = """\
+  The policy of SROS 2 for the node radcam_depth with its default parameters: exactly what it publishes, reads and
+  answers, and nothing else. Names without a slash at the front are below the namespace ns. Copy the file, and put in
+  your own names: topics that you remap; those of the parameters image_topic, camera_info_topic and radar_topics, of
+  which image/compressed is read with image_transport: compressed alone; and that of odometry_topic, if it is set.
+  docs/security.md says what to do with it.
+"""
+LIFECYCLE_SERVICES = (
+    "change_state",
+    "get_available_states",
+    "get_available_transitions",
+    "get_state",
+    "get_transition_graph",
+)
+PARAMETER_SERVICES = (
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+)
+STANDARD_SERVICES = ("get_type_description", *LIFECYCLE_SERVICES, *PARAMETER_SERVICES)
+"""Services of every lifecycle node, below its own name; the node has no others."""
+STANDARD_TOPICS = ("/diagnostics", "/parameter_events", "/rosout", f"{NODE_NAME}/transition_event")
+"""Topics that it publishes besides its outputs."""
 
 
 def pages() -> dict[Path, str]:
@@ -80,6 +109,7 @@ def pages() -> dict[Path, str]:
             ALL_HEAD, {title: tuple(section) for title, section in SECTIONS.items()}, QUALITY
         ),
         ROOT / "docs" / "parameters.md": _parameter_page(),
+        ROOT / "config" / "sros2_policy.xml": _policy(),
     }
     for name, parts in (
         ("README.md", {f"<!-- outputs: {BY} -->": _output_table()}),
@@ -181,6 +211,32 @@ def _xml_remaps() -> str:
     return "".join(
         f'    <remap from="{output.topic}" to="$(var output/{output.name})"/>\n' for output in OUTPUTS.values()
     )
+
+
+def _policy() -> str:
+    """The policy of SROS 2. Without ~, after which sros2 puts no slash."""
+    defaults = FrameBuilderConfig()
+    images = (defaults.image, f"{defaults.image}{COMPRESSED_SUFFIX}")
+    read = (*images, defaults.calibration_topic, *defaults.radars, *TRANSFORM_TOPICS, "/clock")
+    written = (*(output.topic for output in OUTPUTS.values()), *LATENCY_TOPICS.values(), *STANDARD_TOPICS)
+    parts = (
+        _allowed("topics", "publish", written),
+        _allowed("topics", "subscribe", read),
+        _allowed("services", "reply", tuple(f"{NODE_NAME}/{name}" for name in STANDARD_SERVICES)),
+    )
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<!-- Written {BY}.\n{POLICY_HEAD}-->\n<policy version="0.2.0">\n'
+        f'  <enclaves>\n    <enclave path="/{NODE_NAME}">\n      <profiles>\n'
+        f'        <profile ns="/" node="{NODE_NAME}">\n{"".join(parts)}        </profile>\n'
+        "      </profiles>\n    </enclave>\n  </enclaves>\n</policy>\n"
+    )
+
+
+def _allowed(kind: str, what: str, names: tuple[str, ...]) -> str:
+    """A list of topics or services that the node may publish, subscribe or reply to."""
+    indent, one = 10 * " ", kind.removesuffix("s")
+    rows = "".join(f"{indent}  <{one}>{name}</{one}>\n" for name in sorted(set(names)))
+    return f'{indent}<{kind} {what}="ALLOW">\n{rows}{indent}</{kind}>\n'
 
 
 _EITHER = ("true", "false")

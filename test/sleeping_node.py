@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from radcam_depth_ros.estimator import EstimatorConfig
+from radcam_depth_ros.estimator import Computation, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame
 from radcam_depth_ros.node import depth_node, main
 
@@ -45,6 +45,10 @@ class Sleeper:
 
     def describe(self) -> str:
         return "a sleeper"
+
+    @property
+    def computation(self) -> Computation:
+        return Computation("float32", 1, "")
 
     def prepare(self, frame: Frame) -> Any:
         return SimpleNamespace(frame=frame, radar=frame.radar.xyz_m)

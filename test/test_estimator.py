@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 import re
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from torch import Tensor, nn
 
-from radcam_depth_ros.estimator import Estimator, EstimatorConfig, EstimatorError, radar_columns
+from radcam_depth_ros.estimator import Computation, Estimator, EstimatorConfig, EstimatorError, radar_columns
 from radcam_depth_ros.frame import CameraModel, Frame, GroundPlane, RadarReturns, RadcamDepthError
 from radcam_depth_ros.geometry import CanonicalCamera, GeometryError
 from radcam_depth_ros.networks import Depths
@@ -186,6 +187,15 @@ def test_a_read_only_image_is_taken(small_weights: Path) -> None:
     assert np.isfinite(loaded.estimate(frame(camera, image)).dense).all()
     assert "baff" in loaded.describe()
     assert re.search(r" on cpu in (float32|bfloat16) \(.+\)$", loaded.describe())
+
+
+def test_what_a_fleet_compares_is_told(small_weights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RADCAM_DEPTH_PRECISION", "bfloat16")
+    loaded = Estimator(EstimatorConfig(model_file=str(small_weights), threads=1))
+    sha256 = hashlib.sha256(small_weights.read_bytes()).hexdigest()
+    assert loaded.computation == Computation("bfloat16", 1, sha256)
+    assert [value for _, value in loaded.computation.values()] == ["bfloat16", "1", sha256]
+    assert "of no file" in dict(estimator(GivesTheRoad()).computation.values())["SHA-256 of the weight file"]
 
 
 @pytest.mark.parametrize(

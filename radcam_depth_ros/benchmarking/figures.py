@@ -187,6 +187,8 @@ class Description:
         precision: `float32` or `bfloat16`.
         mode: `frozen` or `eager`.
         engine: The engine's own words.
+        threads: CPU threads, where nothing else runs on the computer.
+        weights_sha256: SHA-256 of the weight file; empty for random weights.
     """
 
     network: str
@@ -194,13 +196,21 @@ class Description:
     precision: str
     mode: str
     engine: str
+    threads: int
+    weights_sha256: str
 
     @classmethod
     def of(cls, running: Running) -> Description:
         """Of a network that is running."""
         engine, loaded = running.engine, running.loaded
         return cls(
-            loaded.archive.card.network, loaded.weights, engine.precision, running.subject.mode, engine.describe()
+            loaded.archive.card.network,
+            loaded.weights,
+            engine.precision,
+            running.subject.mode,
+            engine.describe(),
+            engine.threads,
+            loaded.archive.file_sha256,
         )
 
 

@@ -158,7 +158,7 @@ class _Measured:
             Fact("drive" if len(self.sources) == 1 else "drives", _listed(self.sources)),
             *_without_truth(self.evaluation),
             *facts_of(self.evaluation),
-            Fact("weights", f"{self.estimator.describe()}, {self.estimator.threads} threads"),
+            Fact("weights", f"{self.estimator.describe()}, {self.estimator.computation.threads} threads"),
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -166,8 +166,7 @@ class _Measured:
         bags = [str(source.bag) for source in self.sources]
         single = {"bag": bags[0]} if len(bags) == 1 else {}
         named = {"bags": bags, "weights": self.estimator.describe()}
-        computed = {"precision": self.estimator.precision, "threads": self.estimator.threads}
-        return {**self.evaluation.as_json(), **single, **named, **computed}
+        return {**self.evaluation.as_json(), **single, **named, **vars(self.estimator.computation)}
 
 
 def _measure(

@@ -268,7 +268,9 @@ class RadcamDepthNode(LifecycleNode):
 
     def _on_tick(self) -> None:
         try:
-            statuses = self._diagnostics.statuses(Snapshot(self._phase, self._model(), self._vitals))
+            computation = self._estimator.computation if self._estimator else None
+            snapshot = Snapshot(self._phase, self._model(), self._vitals, computation)
+            statuses = self._diagnostics.statuses(snapshot)
             news = self._vitals.watchdog.news() if self._vitals else ""
             if news:
                 self._log(Level.WARN, news)

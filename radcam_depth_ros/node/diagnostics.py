@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from radcam_depth_ros.estimator import Computation
 from radcam_depth_ros.messages import MessageFactory
 from radcam_depth_ros.node.health import Level, Problems, Status, summary
 from radcam_depth_ros.node.vitals import Vitals
@@ -23,11 +24,13 @@ class Snapshot:
         phase: The lifecycle state: unconfigured, inactive, active or finalized.
         model: What the estimator says of itself; empty when none is loaded.
         vitals: How the parts do while the node is active.
+        computation: What the digits of the depth follow from; None when no network is loaded.
     """
 
     phase: str
     model: str = ""
     vitals: Vitals | None = None
+    computation: Computation | None = None
 
 
 class Diagnostics:
@@ -74,9 +77,10 @@ class Diagnostics:
         )
 
     def _model(self, snapshot: Snapshot) -> Status:
+        computed = snapshot.computation.values() if snapshot.computation else ()
         problem = self._problems.show("model", "parameters")
         if problem:
-            return Status("model", *problem, self._problems.history("model", "parameters"))
+            return Status("model", *problem, (*computed, *self._problems.history("model", "parameters")))
         if not snapshot.model:
             return Status("model", Level.STALE, f"no network is loaded, the node is {snapshot.phase}")
-        return Status("model", Level.OK, snapshot.model)
+        return Status("model", Level.OK, snapshot.model, computed)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import copy
 import pickle  # nosec B403  # its error alone; torch reads with weights_only=True
+import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -166,13 +168,33 @@ def load_checkpoint(path: Path, working: Working, on_note: Callable[[str], None]
     for file in found:
         try:
             state = _load(file, working)
-        except (OSError, RuntimeError, KeyError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
-            reasons.append(" ".join(str(error).split())[:200])
+        except (OSError, RuntimeError, KeyError, TypeError, ValueError, EOFError, TrainingError) as error:
+            reasons.append(" ".join(str(error).split())[:400])
             continue
         if reasons:
             on_note(f"{path} is damaged ({reasons[0]}); going on from {file.name}, iteration {state.step}")
         return state
     raise TrainingError(f"the checkpoint {path} cannot be resumed: {reasons[0]}")
+
+
+def read_plain(path: Path) -> Any:
+    """What `torch.save` wrote to a file: tensors and plain values. It is a pickle, of which nothing is executed.
+
+    Raises:
+        TrainingError: for a pickle that makes or calls anything else, or cannot be read as one.
+        OSError, RuntimeError, EOFError: as torch has them for other files that it cannot read.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Detected pickle protocol", category=UserWarning)
+            return torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        # torch's own text advises to load the file without this check.
+        called = re.search(r"GLOBAL (\S+) (?:was not|whose)", str(error))
+        what = f"a pickle that would call {called[1]!r}" if called else "one that is damaged or none"
+        raise TrainingError(
+            f"expected a checkpoint of tensors at {path}, got {what}; nothing of it was run, take a file that you know"
+        ) from None
 
 
 def before(path: Path) -> Path:
@@ -181,7 +203,7 @@ def before(path: Path) -> Path:
 
 
 def _load(path: Path, working: Working) -> RunState:
-    content: Mapping[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    content: Mapping[str, Any] = read_plain(path)
     state = RunState(**{**content["state"], "recent": RecentLosses(**content["state"]["recent"])})
     working.network.load_state_dict(content["network"])
     working.averaged.network.load_state_dict(content["averaged"])

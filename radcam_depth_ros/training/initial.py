@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import pickle  # nosec B403  # its error alone; torch reads with weights_only=True
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.networks.layers.mobilenet import MobileNetV2
 from radcam_depth_ros.networks.layers.resnet import ResNet
 from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training.checkpoint import read_plain
 from radcam_depth_ros.training.errors import TrainingError
 
 
@@ -94,8 +94,8 @@ def load_backbones(network: networks.Network, source: str) -> None:
         )
     path = _imagenet() if source == IMAGENET else Path(source)
     try:
-        given = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        given = read_plain(path)
+    except (OSError, RuntimeError, EOFError) as error:
         raise TrainingError(f"expected a checkpoint of tensors at {path}, got none ({error}); choose another") from None
     for part in parts:
         wanted = part.state_dict()

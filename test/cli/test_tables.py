@@ -151,7 +151,7 @@ def bench_report() -> BenchReport:
         PairFigures(SideFigures(size, 54321.0, 1.0, 4567.0), SideFigures(size, 65432.0, 1.0, 5678.0), (1.25, 1.5), 1.75)
         for size in sizes
     )
-    described = Description("baff", "shipped", "bfloat16", "frozen", "bfloat16 (of a table)")
+    described = Description("baff", "shipped", "bfloat16", "frozen", "bfloat16 (of a table)", 2, "0" * 64)
     return BenchReport(
         Machine("a processor with a long name @ 3.00GHz", "", 128, ("avx2", "avx512f", "avx512_vnni", "avx512_bf16")),
         {"bfloat16": {CONVOLUTION: 439.0, MATRIX_PRODUCT: 612.0}},

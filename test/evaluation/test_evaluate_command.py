@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import sys
 from pathlib import Path
@@ -201,3 +202,4 @@ def test_json_says_in_which_format_and_how_many_threads(tmp_path, model, app, op
     plain = json.loads(CliRunner().invoke(app, arguments).stdout)
     torch.set_num_threads(1)
     assert (plain["precision"], plain["threads"]) == ("bfloat16", threads)
+    assert plain["weights_sha256"] == hashlib.sha256(model.read_bytes()).hexdigest()

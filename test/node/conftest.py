@@ -32,7 +32,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.estimator import Computation, Estimator, EstimatorConfig
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame
 from radcam_depth_ros.messages import encode_camera_info, encode_image, encode_points
 from radcam_depth_ros.node import depth_node
@@ -72,6 +72,10 @@ class FakeEstimator:
 
     def describe(self) -> str:
         return "made up"
+
+    @property
+    def computation(self) -> Computation:
+        return Computation("float32", 1, "")
 
     def can_adjust(self, config: EstimatorConfig) -> bool:
         return Estimator.can_adjust(self, config)

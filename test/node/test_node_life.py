@@ -115,7 +115,9 @@ def test_an_inactive_node_is_silent_and_says_so(start: Callable[..., Any]) -> No
     assert bench.fake is None
     assert bench.change_state("configure")
     bench.until(lambda: bench.status("camera", "the node is inactive"))
-    assert bench.status("model", "made up")
+    status = bench.status("model", "made up")
+    told = [(value.key, value.value) for value in status.values]
+    assert told == list(bench.fake.computation.values())
     assert not list(bench.node.subscriptions) or all("image" not in s.topic_name for s in bench.node.subscriptions)
 
 

@@ -14,6 +14,7 @@ from torch.nn import functional
 
 from radcam_depth_ros.networks.interface import Association
 from radcam_depth_ros.networks.layers.blocks import UpSum
+from radcam_depth_ros.networks.layers.number_formats import Float32Linear
 from radcam_depth_ros.networks.layers.rasterise import CELL_PX, STRIDE, from_cells
 
 FEATURES = (64, 48, 32)
@@ -111,7 +112,7 @@ class EmbeddingAssociation(nn.Module):
         self.up_1_4 = UpSum(FEATURES[1], channels[0], FEATURES[2])
         self.pixel_head = nn.Conv2d(FEATURES[2], dims, 1)
         self.joint = nn.Sequential(nn.Linear(128 + FEATURES[2] + FEATURES[1], 128), nn.LeakyReLU(0.2))
-        self.point_head = nn.Linear(128, dims + 2 * self.reaches + 1)
+        self.point_head = Float32Linear(128, dims + 2 * self.reaches + 1)
         self.reach_px = (8.0, 24.0, 72.0, 216.0)
         nn.init.zeros_(self.point_head.bias)
         nn.init.constant_(self.point_head.bias[-1], FEW)

@@ -57,12 +57,12 @@ class DepthEncoder(nn.Module):
     def __init__(self, planes: int, channels: tuple[int, ...]) -> None:
         super().__init__()
         self.levels = nn.ModuleList(
-            ConvBlock(before, after, stride=1 if index == 0 else 2)
+            ConvBlock(before, after, stride=1 if index == 0 else 2, raw=index == 0)
             for index, (before, after) in enumerate(itertools.pairwise((planes, *channels)))
         )
 
     def forward(self, planes: Tensor) -> list[Tensor]:
-        """Takes (B, planes, h, w) to maps of h, h / 2, h / 4, h / 8 rows."""
+        """Takes (B, planes, h, w) float32 to maps of h, h / 2, h / 4, h / 8 rows."""
         x = planes
         maps: list[Tensor] = []
         for level in self.levels:
@@ -142,7 +142,7 @@ class QuarterFusion(nn.Module):
         parts, others = self.candidates(road, torch.cat([suggested, most], dim=1))
         known = torch.cat([parts.mean(dim=2), others], dim=1)
         evidence = support(profile, known)
-        depth_maps = self.depth_encoder(torch.cat([planes, known, evidence], dim=1).to(features.dtype))
+        depth_maps = self.depth_encoder(torch.cat([planes, known, evidence], dim=1))
         image_maps = [maps[0] + self.shared(features), maps[1], maps[2], maps[3]]
         fused = self.gates(image_maps, depth_maps)
         # Rows of a plane together in memory: a softmax over few values that lie side by side is slow.

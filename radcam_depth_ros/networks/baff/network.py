@@ -205,7 +205,7 @@ class Baff(Network):
 
     def forward(self, image: Tensor, radar: Tensor, valid: Tensor, ground: Tensor) -> Depths:
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
-        maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
+        maps = self.encoder(image, geometry.prior, self._context(image))
         best, depth, features = self.association(image, maps, radar, valid)
         statistics = self.statistics(image, valid)
         roads = self._roads(maps, ground, statistics, image)
@@ -220,7 +220,7 @@ class Baff(Network):
         in the paper; the image's features learn from both.
         """
         geometry = self.rasterise(radar, valid, ground, image.shape[2], image.shape[3])
-        maps = self.encoder(image, geometry.prior.to(image.dtype), self._context(image))
+        maps = self.encoder(image, geometry.prior, self._context(image))
         statistics = self.statistics(image, valid)
         roads = self._roads(maps, ground, statistics, image)
         association: Association | None = None

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from radcam_depth_ros.networks.layers.number_formats import InFloat32
+from radcam_depth_ros.networks.layers.number_formats import InFloat32, RawConv2d
 
 LEAK = 0.2  # The slope of the public implementation of [Singh2023]; [Electronics2025] names none.
 
@@ -39,26 +39,40 @@ def norm(channels: int, instance: bool) -> nn.Module:
 
 
 class ConvBlock(nn.Sequential):
-    """Convolution, norm, leaky ReLU; `stride` divides the size."""
+    """Convolution, norm, leaky ReLU; `stride` divides the size; `raw` for a map of raw values, see `RawConv2d`."""
 
     def __init__(
-        self, in_channels: int, out_channels: int, kernel: int = 3, stride: int = 1, instance: bool = False
+        self,
+        in_channels: int,
+        out_channels: int,
+        kernel: int = 3,
+        stride: int = 1,
+        instance: bool = False,
+        raw: bool = False,
     ) -> None:
+        convolution = RawConv2d if raw else nn.Conv2d
         super().__init__(
-            nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, bias=False),
+            convolution(in_channels, out_channels, kernel, stride, kernel // 2, bias=False),
             norm(out_channels, instance),
             nn.LeakyReLU(LEAK, inplace=True),
         )
 
 
 class Projection(nn.Sequential):
-    """Convolution and norm, 1x1 unless told otherwise."""
+    """Convolution and norm, 1x1 unless told otherwise; `raw` as for `ConvBlock`."""
 
     def __init__(
-        self, in_channels: int, out_channels: int, kernel: int = 1, stride: int = 1, instance: bool = False
+        self,
+        in_channels: int,
+        out_channels: int,
+        kernel: int = 1,
+        stride: int = 1,
+        instance: bool = False,
+        raw: bool = False,
     ) -> None:
+        convolution = RawConv2d if raw else nn.Conv2d
         super().__init__(
-            nn.Conv2d(in_channels, out_channels, kernel, stride, kernel // 2, bias=False),
+            convolution(in_channels, out_channels, kernel, stride, kernel // 2, bias=False),
             norm(out_channels, instance),
         )
 
@@ -136,9 +150,9 @@ class QuarterEncoder(nn.Module):
         super().__init__()
         own = instance_norm > 0
         self.stem = nn.Sequential(
-            ConvBlock(3, 16, stride=2, instance=own), Projection(16, channels[0], 3, stride=2, instance=own)
+            ConvBlock(3, 16, stride=2, instance=own, raw=True), Projection(16, channels[0], 3, stride=2, instance=own)
         )
-        self.join = Projection(planes, channels[0], 3)
+        self.join = Projection(planes, channels[0], 3, raw=True)
         self.activation = nn.LeakyReLU(LEAK, inplace=True)
         self.levels = nn.ModuleList(
             _level(channels[max(i - 1, 0)], channels[i], 1 if i == 0 else 2, blocks[i], i < instance_norm)
@@ -148,7 +162,7 @@ class QuarterEncoder(nn.Module):
         self.context = nn.ModuleList(joins if context else [nn.Identity() for _ in channels])
 
     def forward(self, image: Tensor, planes: Tensor, context: list[Tensor]) -> list[Tensor]:
-        """Takes (B, 3, H, W), (B, planes, H / 4, W / 4) and the context to maps at 1/4, 1/8, 1/16, 1/32."""
+        """Takes (B, 3, H, W), (B, planes, H / 4, W / 4) float32 and the context to maps at 1/4, 1/8, 1/16, 1/32."""
         x = self.activation(self.stem(image).add_(self.join(planes)))
         maps: list[Tensor] = []
         for level, join in zip(self.levels, self.context, strict=False):

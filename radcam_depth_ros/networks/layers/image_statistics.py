@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from radcam_depth_ros.networks.layers.blocks import LEAK
-from radcam_depth_ros.networks.layers.number_formats import InFloat32
+from radcam_depth_ros.networks.layers.number_formats import Float32Linear, InFloat32
 
 TYPICAL = (0.44, 0.16, -4.14, -4.02, -3.69, 0.05, 0.06, 0.13, -2.37, 3.76)
 SCALES = (4.67, 11.0, 0.86, 1.35, 1.44, 5.1, 6.8, 6.0, 0.83, 0.62)
@@ -102,9 +102,3 @@ class FromStatistics(InFloat32):
         """(B, 10) to (B, width)."""
         result: Tensor = self.last(self.activation(self.hidden(x)))
         return result
-
-
-class Float32Linear(nn.Linear):
-    """Linear layer whose weights stay in float32."""
-
-    keeps_float32 = True

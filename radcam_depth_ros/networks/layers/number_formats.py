@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor, nn
 from torch.jit import is_scripting  # type: ignore[attr-defined]  # torch does not name it among its exports
+from torch.nn import functional
 
 
 class InFloat32(nn.Module):
@@ -15,7 +16,7 @@ class InFloat32(nn.Module):
     keeps_float32 = True
 
     def forward(self, x: Tensor) -> Tensor:
-        """`compute` in float32; the result is float32."""
+        """`compute` in float32; the result is float32, but for `RawConv2d`."""
         # TorchScript does not compile what stands below `is_scripting`; a meta device knows no autocast.
         if not is_scripting():  # noqa: SIM102
             if torch.amp.is_autocast_available(x.device.type):
@@ -24,7 +25,7 @@ class InFloat32(nn.Module):
         return self.compute(x.float())
 
     def compute(self, x: Tensor) -> Tensor:
-        """What the module does; float32 in, float32 out."""
+        """What the module does with a float32 map; float32 out, but for `RawConv2d`."""
         raise NotImplementedError
 
 
@@ -33,6 +34,45 @@ class Float32Conv2d(InFloat32, nn.Conv2d):
 
     def compute(self, x: Tensor) -> Tensor:
         result: Tensor = self._conv_forward(x, self.weight, self.bias)
+        return result
+
+
+class Float32Linear(InFloat32, nn.Linear):
+    """`nn.Linear` in float32."""
+
+    def compute(self, x: Tensor) -> Tensor:
+        return functional.linear(x, self.weight, self.bias)
+
+
+class NetworkFormat(nn.Module):
+    """Holds the format that the network around it computes in: `convert` changes it, also within float32 modules."""
+
+    values: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("values", torch.zeros(1), persistent=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """`x` in that format."""
+        return x.to(self.values.dtype)
+
+
+class RawConv2d(Float32Conv2d):
+    """The first convolution of raw values, such as pixels or planes of depth: from float32 to the network's format.
+
+    Raw values are large beside their differences, and such a layer has few weights: rounding them, and planes of depth,
+    is most of what separates the depths of two formats (docs/decisions.md). Its result is rounded without harm.
+    """
+
+    def __init__(
+        self, in_channels: int, out_channels: int, kernel: int, stride: int = 1, padding: int = 0, bias: bool = True
+    ) -> None:
+        super().__init__(in_channels, out_channels, kernel, stride, padding, bias=bias)
+        self.rounded = NetworkFormat()
+
+    def compute(self, x: Tensor) -> Tensor:
+        result: Tensor = self.rounded(self._conv_forward(x, self.weight, self.bias))
         return result
 
 

@@ -74,7 +74,8 @@ def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[s
             f"{path} is not among trusted_models: its SHA-256 is {found}; add it to that parameter if you know where "
             "the file is from"
         )
-    return torchscript.load(path, content) if is_exported else _load_weights(path, content, found)
+    loaded = torchscript.load(path, content) if is_exported else _load_weights(path, content, found)
+    return replace(loaded, file_sha256=found)
 
 
 def _read(path: Path) -> bytes:

@@ -70,10 +70,17 @@ class Card:
 
 @dataclass(frozen=True)
 class Archive:
-    """A network that is ready to run, and its card; `network` is a `Network`, or a script module from an export."""
+    """A network that is ready to run, and its card.
+
+    Attributes:
+        network: A `Network`, or a script module from an export.
+        card: Its card.
+        file_sha256: SHA-256 of the file that it was read from, in hexadecimal digits; empty for a network of no file.
+    """
 
     network: nn.Module
     card: Card
+    file_sha256: str = ""
 
 
 def read_card(text: str, source: str) -> Card:
