@@ -95,7 +95,12 @@ class BagReader:
             raise self._damaged(error) from error
         self._connections: list[Connection] = list(self._reader.connections)
         self._types: dict[str, MessageType | None] = {}
-        self.topics: tuple[TopicInfo, ...] = self._list_topics()
+        try:
+            self._check_metadata()
+            self.topics: tuple[TopicInfo, ...] = self._list_topics()
+        except Exception as error:  # as above: rosbags takes what metadata.yaml says as it is
+            self.close()
+            raise self._damaged(error) from error
 
     def __enter__(self) -> BagReader:
         return self
@@ -164,6 +169,20 @@ class BagReader:
             except BagError:
                 self._types[name] = None
         return self._types[name]
+
+    def _check_metadata(self) -> None:
+        """Raises ValueError where names are no texts, or counts and times no numbers."""
+        values = {
+            str: [text for connection in self._connections for text in (connection.topic, connection.msgtype)],
+            int: [
+                *(self._reader.message_count, self._reader.start_time, self._reader.duration),
+                *(connection.msgcount for connection in self._connections),
+            ],
+        }
+        for kind, found in values.items():
+            for value in found:
+                if not isinstance(value, kind):
+                    raise ValueError(f"its metadata has {str(value)[:80]!r} where {kind.__name__} is expected")
 
     def _list_topics(self) -> tuple[TopicInfo, ...]:
         # Two publishers of one topic may be two connections.
