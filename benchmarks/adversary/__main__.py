@@ -25,7 +25,8 @@ from rich.table import Table
 
 from benchmarks.adversary.archives import ArchiveAttack
 from benchmarks.adversary.bags import BagAttack
-from benchmarks.adversary.cases import ROOT, tree
+from benchmarks.adversary.cases import ROOT, Outcome, tree
+from benchmarks.adversary.good_files import write_good
 from benchmarks.adversary.kills import KillAttack
 from benchmarks.adversary.messages import MessageAttack
 from benchmarks.adversary.requests import LONGEST_CALLBACK_MS, RequestAttack
@@ -44,6 +45,7 @@ class Kind:
         what: What is counted.
         workers: Most workers.
         together: How many make one case.
+        needs_weights: Whether its workers need the good weights.
     """
 
     make: Maker
@@ -51,6 +53,7 @@ class Kind:
     what: str
     workers: int = 64
     together: int = 1
+    needs_weights: bool = True
 
 
 KINDS = {
@@ -109,9 +112,9 @@ def attack(
         kind: One of `KINDS`.
         numbers: Of the cases.
         seed: What they are made of.
-        folder: For the workers; a folder that is not there yet.
+        folder: For the workers; a folder that is not there yet, beside which the good weights are kept.
         workers: Processes that share the cases.
-        progress: Shows how far it is.
+        progress: Shows how far it is, and a line for each failed case.
 
     Raises:
         WorkerError: when a worker cannot start.
@@ -123,11 +126,20 @@ def attack(
         figures.add(report)
         if progress and bar is not None:
             progress.update(bar, completed=figures.cases)
+            for problem in report.outcome.problems:
+                repeat = f"--only {kind} --case {report.number} --seed {seed}"
+                line = printable(f"{kind} {report.number}, {report.outcome.what}: {problem} [{repeat}]")
+                progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
 
-    before = _package()
-    run_cases(KINDS[kind].make, numbers, seed, folder, min(workers, KINDS[kind].workers), told)
+    before, kept = _package(), None
+    if numbers and KINDS[kind].needs_weights:
+        kept = folder.parent / "good"  # made once, since it takes seconds
+        kept.mkdir(exist_ok=True)
+        write_good(kept)
+    run_cases(KINDS[kind].make, numbers, seed, folder, min(workers, KINDS[kind].workers), told, kept)
     if numbers and _package() != before:
-        figures.failures.append((numbers[-1], "files of the package itself were changed"))
+        problem = "files of the package itself were changed"
+        told(Report(numbers[-1], Outcome("all cases", "failed", (problem,)), 0.0, 0.0, is_good=True))
     figures.callbacks_ms = RequestAttack.longest_ms(folder) if kind == "requests" else {}
     return figures
 
@@ -137,8 +149,8 @@ def _package() -> dict[str, str]:
     return {name: entry for name, entry in files.items() if "__pycache__" not in name}
 
 
-def print_figures(found: dict[str, Figures], seed: int, console: Console) -> None:
-    """Prints a table of all kinds, and a line for each failed case."""
+def print_figures(found: dict[str, Figures], console: Console) -> None:
+    """Prints a table of all kinds."""
     table = Table("kind", "cases", "what became of them", "good ones", "failed", "slowest", "peak memory")
     for kind, figures in found.items():
         verdicts = ", ".join(f"{count} {name}" for name, count in sorted(figures.verdicts.items()))
@@ -147,15 +159,10 @@ def print_figures(found: dict[str, Figures], seed: int, console: Console) -> Non
         failed = str(len({number for number, _ in figures.failures}))
         table.add_row(kind, str(figures.cases), verdicts, str(figures.goods), failed, slowest, peak)
     console.print(table)
-    for kind, figures in found.items():
+    for figures in found.values():
         for name, longest_ms in figures.callbacks_ms.items():
             limit = "" if name == "transitions" else f" (limit on an idle machine: {LONGEST_CALLBACK_MS:.0f} ms)"
             console.print(f"longest callback of the live node, {name}: {longest_ms:.0f} ms{limit}")
-        for number, problem in figures.failures:
-            repeat = f"--only {kind} --case {number} --seed {seed}"
-            console.print(
-                printable(f"{kind} {number}, seed {seed}: {problem} [{repeat}]"), markup=False, soft_wrap=True
-            )
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
@@ -191,7 +198,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    print_figures(found, options.seed, Console(stderr=True))
+    print_figures(found, Console(stderr=True))
     if options.json:
         values: dict[str, Any] = {kind: asdict(figures) for kind, figures in found.items()}
         write_json({"seed": options.seed, "kinds": values}, options.json)

@@ -9,7 +9,8 @@ import numpy as np
 import torch
 
 from benchmarks.adversary.cases import DONE, REFUSED, Outcome, Place, attempt, command, defect, generator, same
-from benchmarks.adversary.weight_files import Hostile, hostile_file, write_good
+from benchmarks.adversary.good_files import Hostile, write_good
+from benchmarks.adversary.weight_files import hostile_file
 from radcam_depth_ros.frame import LONGEST_SENTENCE, RadcamDepthError
 from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.networks.weights_io.archive import Archive

@@ -16,7 +16,7 @@ import numpy as np
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from benchmarks import fuzz_messages
-from benchmarks.adversary.weight_files import INTEGERS, mutated
+from benchmarks.adversary.good_files import INTEGERS, mutated
 from benchmarks.fuzz_messages import CAMERA, CAMERA_INFO, IMAGE, RADAR, STATIC, TYPES
 from radcam_depth_ros.bags import factory
 from radcam_depth_ros.bags.definitions import MessageType, jazzy_typestore

@@ -22,7 +22,7 @@ from benchmarks.adversary.cases import (
     generator,
     same,
 )
-from benchmarks.adversary.weight_files import write_good
+from benchmarks.adversary.good_files import write_good
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.messages import decode_depth

@@ -18,7 +18,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from benchmarks.adversary.bag_files import good_messages, write_bag
 from benchmarks.adversary.cases import DONE, REFUSED, Outcome, Place, generator, text_problems
-from benchmarks.adversary.weight_files import SMALLEST, write_good
+from benchmarks.adversary.good_files import SMALLEST, write_good
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.frame import RadcamDepthError
 

@@ -7,7 +7,7 @@ import warnings
 import torch
 
 from benchmarks.adversary.cases import Outcome, Place
-from benchmarks.adversary.weight_files import write_good
+from benchmarks.adversary.good_files import write_good
 from benchmarks.fuzz import Fuzz
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 

@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from benchmarks.adversary.cases import Outcome, Place, generator, same, text_problems
-from benchmarks.adversary.weight_files import write_good
+from benchmarks.adversary.good_files import write_good
 from benchmarks.fuzz_messages import CAMERA_INFO, IMAGE, RADAR, TYPES, good
 from benchmarks.memory import memory_mib
 from demo.process import NodeProcess, keep_to_this_machine

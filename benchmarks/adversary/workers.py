@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import resource
+import shutil
 import signal
 import time
 from collections.abc import Callable, Iterable
@@ -50,11 +51,11 @@ class WorkerError(Exception):
 
 
 class _Worker:
-    def __init__(self, make: Maker, seed: int, folder: Path) -> None:
+    def __init__(self, make: Maker, seed: int, folder: Path, kept: Path | None) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.folder = folder
-        self._process = context.Process(target=_work, args=(make, seed, folder, theirs))
+        self._process = context.Process(target=_work, args=(make, seed, folder, kept, theirs))
         self._process.start()
         theirs.close()
         self.number: int | None = None
@@ -89,7 +90,13 @@ class _Worker:
 
 
 def run_cases(
-    make: Maker, numbers: Iterable[int], seed: int, folder: Path, workers: int, told: Callable[[Report], None]
+    make: Maker,
+    numbers: Iterable[int],
+    seed: int,
+    folder: Path,
+    workers: int,
+    told: Callable[[Report], None],
+    kept: Path | None = None,
 ) -> None:
     """Runs cases in worker processes.
 
@@ -100,6 +107,7 @@ def run_cases(
         folder: Where each worker has its own.
         workers: How many there are.
         told: Called with each case that has ended, and with each good one in between.
+        kept: Files that each worker gets a copy of, as what its cases share.
 
     Raises:
         WorkerError: when a worker cannot start.
@@ -110,7 +118,7 @@ def run_cases(
     def start() -> _Worker:
         nonlocal started
         started += 1
-        return _Worker(make, seed, folder / str(started))
+        return _Worker(make, seed, folder / str(started), kept)
 
     crew = [start() for _ in range(min(workers, len(waiting)))]
     try:
@@ -159,9 +167,11 @@ def _bury(worker: _Worker, told: Callable[[Report], None]) -> None:
     told(Report(number, Outcome("see --only", "failed", problems), time.monotonic() - worker.since_s, 0.0))
 
 
-def _work(make: Maker, seed: int, folder: Path, connection: Connection[Any, Any]) -> None:
+def _work(make: Maker, seed: int, folder: Path, kept: Path | None, connection: Connection[Any, Any]) -> None:
     """Runs cases as they come, until None comes."""
     place = Place(folder)
+    for file in kept.iterdir() if kept else ():
+        shutil.copy(file, place.kept)
     place.enter()
     attack = make(seed, place)
     if attack.is_inside:

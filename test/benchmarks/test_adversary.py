@@ -14,9 +14,9 @@ from benchmarks.adversary import __main__ as adversary
 from benchmarks.adversary.archives import ArchiveAttack
 from benchmarks.adversary.bags import BagAttack
 from benchmarks.adversary.cases import Attack, Place
+from benchmarks.adversary.good_files import write_good
 from benchmarks.adversary.kills import KillAttack
 from benchmarks.adversary.messages import MessageAttack
-from benchmarks.adversary.weight_files import write_good
 from benchmarks.adversary.workers import Report, run_cases
 
 
@@ -75,7 +75,7 @@ def test_what_should_not_happen_is_told_for_each_case(tmp_path: Path) -> None:
 def test_a_case_can_be_repeated_and_the_exit_status_says_whether_all_held(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(adversary.KINDS, "bags", adversary.Kind(DyingAttack, 6, "cases"))
+    monkeypatch.setitem(adversary.KINDS, "bags", adversary.Kind(DyingAttack, 6, "cases", needs_weights=False))
     target = tmp_path / "figures.json"
     assert adversary.main(["--only", "bags", "--case", str(KEPT), "--workers", "1"]) == 0
     assert adversary.main(["--only", "bags", "--case", str(TOLD), "--seed", "3", "--json", str(target)]) == 1
