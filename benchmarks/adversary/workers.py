@@ -21,6 +21,7 @@ MOST_CPU_S = 60
 """Processor seconds that no case may take."""
 _PATIENCE_S = 900.0
 _START_PATIENCE_S = 900.0
+_END_PATIENCE_S = 120.0
 _GUARD_BYTES = 3 * 1024**3
 """So much address space may be added: a case that wants all memory of the machine fails alone."""
 
@@ -73,10 +74,10 @@ class _Worker:
         self.since_s = time.monotonic()
         self.connection.send(number)
 
-    def end(self) -> str:
-        """Ends the process; returns how it ended."""
+    def end(self, patience_s: float) -> str:
+        """Ends the process, which may take so long to end by itself; returns how it ended."""
         self.connection.close()
-        self._process.join(5 if self.is_asked_to_end else 0.5)
+        self._process.join(patience_s)
         was_alive = self._process.is_alive()
         if was_alive:
             self._process.kill()
@@ -131,12 +132,13 @@ def run_cases(
                 if not is_dead:
                     continue
                 crew.remove(worker)
-                _bury(worker, told)
+                # One that has closed its end of the connection is about to end.
+                _bury(worker, told, 0.0 if worker.is_late else _END_PATIENCE_S)
                 if waiting and not worker.is_asked_to_end:
                     crew.append(start())
     finally:
         for worker in crew:
-            worker.end()
+            worker.end(0.0)
 
 
 def _take(worker: _Worker, waiting: list[int], told: Callable[[Report], None]) -> bool:
@@ -154,9 +156,9 @@ def _take(worker: _Worker, waiting: list[int], told: Callable[[Report], None]) -
     return True
 
 
-def _bury(worker: _Worker, told: Callable[[Report], None]) -> None:
+def _bury(worker: _Worker, told: Callable[[Report], None], patience_s: float) -> None:
     """Tells how a worker ended, unless it was asked to."""
-    how, number = worker.end(), worker.number
+    how, number = worker.end(patience_s), worker.number
     if worker.is_asked_to_end and how.endswith("exit code 0"):
         return
     printed = worker.folder / "told"
