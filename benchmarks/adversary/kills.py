@@ -26,7 +26,7 @@ _STOPPED = 130
 """Exit code of a training that was stopped: it can go on."""
 _MOST_CPU_S = 8.0
 """Processor seconds after which the latest signal comes; most verbs take less on a small drive."""
-_PATIENCE_S = 600.0
+_PATIENCE_S = 1500.0
 _RECIPE = {
     "architecture": SMALLEST,
     "iterations": 4,
@@ -88,6 +88,8 @@ class KillAttack:
             arguments = self.verbs[verb]
             if verb == "train" and (self._place.outputs / "run" / "run.yaml").exists():
                 arguments = ("train", "--out", self._place.outputs / "run", "--processes", "1", "--resume")
+            elif not verb.startswith("replay"):  # which overwrites
+                self._place.clear()
             again = self._run_again(arguments)
         if again:
             found.append(f"run again: {again}")

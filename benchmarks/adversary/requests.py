@@ -261,32 +261,27 @@ class Clients:
         return "change_state", request
 
     def parameters(self) -> dict[str, Any]:
-        """The node's parameters that have a value, by name."""
+        """The node's parameters that have a value and can be set, by name."""
         listed = self._call("list_parameters", self._classes["list_parameters"].Request()).result.names
         kind = self._classes["get_parameters"].Request
         # One by one: where one has no value, rclpy answers none of them.
         values = {name: self._call("get_parameters", kind(names=[name])).values for name in listed}
-        return {name: value[0] for name, value in values.items() if value and value[0].type}
+        asked = self._classes["describe_parameters"].Request(names=listed)
+        fixed = {entry.name for entry in self._call("describe_parameters", asked).descriptors if entry.read_only}
+        return {name: value[0] for name, value in values.items() if value and value[0].type and name not in fixed}
 
     def start_anew(self, parameters: dict[str, Any]) -> str:
         """Has the node unconfigured, with these parameters, then active; what went wrong, else nothing."""
         for label in ("deactivate", "cleanup"):
             self._call(*self.transition(label, 0))
-        settings = self._classes["set_parameters"].Request()
         from rcl_interfaces.msg import Parameter
 
+        # All at once: one by one, some do not fit those that are still to be set back.
+        settings = self._classes["set_parameters_atomically"].Request()
         settings.parameters = [Parameter(name=name, value=value) for name, value in parameters.items()]
-        refused = [
-            f"{name}: {result.reason}"
-            for name, result in zip(
-                [parameter.name for parameter in settings.parameters],
-                self._call("set_parameters", settings).results,
-                strict=True,
-            )
-            if not result.successful and "read-only" not in result.reason
-        ]
-        if refused:
-            return f"parameters cannot be set back: {'; '.join(refused)[:300]}"
+        result = self._call("set_parameters_atomically", settings).result
+        if not result.successful:
+            return f"parameters cannot be set back: {result.reason[:300]}"
         for label in ("configure", "activate"):
             if not self._call(*self.transition(label, 0)).success:
                 return f"{label} failed; the log ends with {self._process.last_lines[-400:]}"

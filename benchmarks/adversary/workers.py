@@ -19,7 +19,7 @@ from benchmarks.memory import memory_mib
 
 MOST_CPU_S = 60
 """Processor seconds that no case may take."""
-_PATIENCE_S = 900.0
+_PATIENCE_S = 3600.0
 _START_PATIENCE_S = 900.0
 _END_PATIENCE_S = 120.0
 _GUARD_BYTES = 3 * 1024**3
@@ -180,7 +180,7 @@ def _work(make: Maker, seed: int, folder: Path, kept: Path | None, connection: C
         _limit(resource.RLIMIT_AS, int(memory_mib("VmSize") * 2**20) + _GUARD_BYTES)
     connection.send("ready")
     count, number, good_after = 0, -1, -1
-    while (given := connection.recv()) is not None:
+    while (given := _received(connection)) is not None:
         number, count = given, count + 1
         place.clear()
         # A good one comes first: the parent gives the next case for each other report.
@@ -193,6 +193,15 @@ def _work(make: Maker, seed: int, folder: Path, kept: Path | None, connection: C
     if number >= 0 and good_after != number:
         connection.send(_good(attack, place, number))
     attack.close()
+
+
+def _received(connection: Connection[Any, Any]) -> int | None:
+    """The next case; None where there is none, or where the parent is gone."""
+    try:
+        number: int | None = connection.recv()
+    except EOFError:
+        return None
+    return number
 
 
 def _good(attack: Attack, place: Place, number: int) -> Report:
