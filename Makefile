@@ -16,6 +16,8 @@ FRAMES ?=
 SEED ?=
 MODEL ?=
 OUT ?= out/demo
+# Share of the cases of `make adversary`.
+SHARE ?= 0.05
 # Pages of `make docs`; all of them if none is named.
 PAGES ?=
 
@@ -24,7 +26,7 @@ IN_PARALLEL := -n 3 --dist loadfile --no-loadscope-reorder
 ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
 EXHAUSTIVE = $(shell grep -rl --include='*.py' 'pytest.mark.exhaustive' test)
 
-.PHONY: help demo test test-exhaustive check check-all docs generate lint format clean
+.PHONY: help demo test test-exhaustive adversary check check-all docs generate lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -45,14 +47,18 @@ endif
 test-exhaustive: .venv/installed ## what `make test` tries in part: torch.export of every network
 	@.venv/bin/python -m pytest -n 2 -m exhaustive $(EXHAUSTIVE)
 
+adversary: .venv/installed ## attacks the package with a part of the hostile inputs of `make check-all` [SHARE=0.05]
+	@.venv/bin/python -m benchmarks.adversary --share "$(SHARE)" --seed 1
+
 check: .venv/installed lint ## lint, types and the fast tests, between two edits
 	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not exhaustive and not slow" --durations 5 --durations-min 2 -q
 
-check-all: .venv/installed .venv/tf2_msgs.installed lint ## all tests in both number formats, 20,000 wrong messages, docs
+check-all: .venv/installed .venv/tf2_msgs.installed lint ## all tests in both number formats, hostile inputs, docs
 	@for format in float32 bfloat16; do \
 	    printf '\n== %s\n' "$$format"; RADCAM_DEPTH_PRECISION=$$format $(MAKE) --no-print-directory test || exit 1; done
 	@$(MAKE) --no-print-directory test-exhaustive
 	@.venv/bin/python -m benchmarks.fuzz --messages 20000 --seed 1
+	@.venv/bin/python -m benchmarks.adversary --seed 1
 	@$(MAKE) --no-print-directory docs
 
 docs: .venv/installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]

@@ -38,7 +38,7 @@ from benchmarks.fuzz_messages import (
     RETURNS,
     STATIC,
 )
-from benchmarks.streaming import memory_mib
+from benchmarks.memory import memory_mib
 from radcam_depth_ros.cli.terminal.options import progress_bar, write_json
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import LONGEST_SENTENCE, FloatArray, Frame, RadcamDepthError
@@ -121,7 +121,7 @@ class Fuzz:
 
     def __init__(self, estimator: Estimator, seed: int, good_every: int = 500) -> None:
         self._estimator, self._seed, self._good_every = estimator, seed, good_every
-        self._now_ns = _START_NS
+        self._now_ns, self._number = _START_NS, 0
         self._counts: Counter[tuple[str, bool]] = Counter()
         self._places: set[str] = set()
         self.figures = Figures(0, seed)
@@ -136,10 +136,9 @@ class Fuzz:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             for number in range(first, first + messages):
-                self._send(number)
+                self.send(number)
                 if (number + 1 - first) % self._good_every == 0 or number + 1 == first + messages:
-                    for builder in self._builders:
-                        self._recover(builder, number)
+                    self.recover()
                 if number - first == messages // 10:
                     self.figures.memory_mib = (memory_mib("VmRSS"), 0.0)
                 done(number + 1 - first)
@@ -151,17 +150,20 @@ class Fuzz:
         }
         return self.figures
 
-    def _send(self, number: int) -> None:
+    def send(self, number: int) -> tuple[str, bool]:
+        """Sends a message, or a few that belong together; returns their kinds, and whether one was refused."""
+        self._number = number
         rng = random.Random(f"{self._seed}/{number}")
-        builder = rng.choice(self._builders)
+        builder, kinds, is_refused = rng.choice(self._builders), [], False
         for sent in fuzz_messages.bad(rng, self._now_ns):
+            kinds.append(sent.kind)
             self._now_ns += _PERIOD_NS
             started = time.perf_counter()
             try:
                 frames = self._guarded(number, sent.kind, partial(builder.add, sent.topic, sent.message, self._now_ns))
             except RadcamDepthError:
                 self._counts[sent.kind, False] += 1
-                frames = ()
+                frames, is_refused = (), True
             else:
                 self._counts[sent.kind, True] += 1
             took_ms = 1e3 * (time.perf_counter() - started)
@@ -173,6 +175,12 @@ class Fuzz:
             )
         except RadcamDepthError:
             self._counts["waiting images", False] += 1
+        return ", ".join(kinds), is_refused
+
+    def recover(self) -> None:
+        """Sends good pairs after the last message, and notes what is wrong with their depth."""
+        for builder in self._builders:
+            self._recover(builder, self._number)
 
     def _prepare(self, number: int, kind: str, frames: tuple[Frame, ...]) -> None:
         for frame in frames:

@@ -97,7 +97,7 @@ class _Leaf:
 
 def good(topic: str, stamp_ns: int) -> Any:
     """A message of a topic that can be used, with attributes that can be set."""
-    message = _thawed(_good_once(topic))
+    message = thawed(_good_once(topic))
     stamp = _stamp(stamp_ns)
     for stamped in message.transforms if topic in (STATIC, DYNAMIC) else (message,):
         stamped.header.stamp = stamp
@@ -134,12 +134,13 @@ def bad(rng: random.Random, stamp_ns: int) -> list[Sent]:
     return make(rng, stamp_ns)
 
 
-def _thawed(value: Any) -> Any:
+def thawed(value: Any) -> Any:
+    """A message whose attributes, and those of the messages within, can be set."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = dataclasses.fields(value)
-        return SimpleNamespace(**{item.name: _thawed(getattr(value, item.name)) for item in fields})
+        return SimpleNamespace(**{item.name: thawed(getattr(value, item.name)) for item in fields})
     if isinstance(value, list):
-        return [_thawed(item) for item in value]
+        return [thawed(item) for item in value]
     return value.copy() if isinstance(value, np.ndarray) else value
 
 
@@ -299,22 +300,27 @@ def _lie(rng: random.Random, kind: str, message: Any, type_name: str) -> str:
 
 
 @functools.cache
-def _file(image_format: str) -> bytes:
-    """The picture as a JPEG or PNG."""
-    encoded = cv2.imencode(f".{image_format}", PICTURE[..., ::-1])[1]
+def _file(image_format: str, *, progressive: bool = False) -> bytes:
+    """The picture as a JPEG, progressive or not, or PNG."""
+    how = (cv2.IMWRITE_JPEG_PROGRESSIVE, 1) if progressive else ()
+    encoded = cv2.imencode(f".{image_format}", PICTURE[..., ::-1], how)[1]
     return bytes(encoded.tobytes())
 
 
 def _compressed(rng: random.Random, stamp_ns: int) -> list[Sent]:
     """A JPEG or PNG that is damaged, or whose header claims another size."""
     image_format = rng.choice(("jpeg", "png"))
-    content = bytearray(_file(image_format))
+    is_progressive = image_format == "jpeg" and rng.random() < 0.5
+    content = bytearray(_file(image_format, progressive=is_progressive))
+    if is_progressive and rng.random() < 0.3:  # the last scan again and again
+        scan = content[content.rfind(b"\xff\xda") : -2]
+        content[-2:] = scan * rng.choice((1, 30, 100)) + b"\xff\xd9"
     if rng.random() < 0.4:
         if image_format == "png":
             content[16:24] = struct.pack(">II", *(_scalar(rng, "uint32") for _ in range(2)))
             content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
         else:
-            at = content.find(b"\xff\xc0") + 5
+            at = content.find(b"\xff\xc2" if is_progressive else b"\xff\xc0") + 5
             content[at : at + 4] = struct.pack(">HH", *(rng.choice((0, 1, 64, 96, 33_000, 65_535)) for _ in range(2)))
     if rng.random() < 0.5:
         content = bytearray(_cut(rng, bytes(content)) + rng.choice((b"", b"\xff\xd9", b"IEND")))

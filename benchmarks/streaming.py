@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.memory import memory_mib
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.frame import CameraModel, GroundPlane
 from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet, prefetch
@@ -117,12 +118,6 @@ def measure(folder: Path, batches: int) -> Figures:
         own_mib=memory_mib("RssAnon"),
         base_mib=base_mib,
     )
-
-
-def memory_mib(name: str) -> float:
-    """A figure of this process's memory, as Linux tells it."""
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
-    return next(float(line.split()[1]) / 1024 for line in lines if line.startswith(f"{name}:"))
 
 
 def main() -> None:

@@ -38,7 +38,15 @@ def build(cls: type[ConfigT], mapping: Mapping[str, Any], source: str = "the con
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "its values"
-        raise ConfigurationError(f"{source}: {where}: {first['msg']}, got {first.get('input')!r}") from None
+        raise ConfigurationError(f"{source}: {where}: {first['msg']}, got {_shown(first.get('input'))}") from None
+
+
+def _shown(value: object) -> str:
+    """A value as Python writes it; Python refuses to write an integer of thousands of digits."""
+    try:
+        return repr(value)
+    except ValueError:
+        return "an integer of too many digits"
 
 
 def load(cls: type[ConfigT], path: Path | str) -> ConfigT:
@@ -54,7 +62,7 @@ def read(path: Path | str) -> dict[str, Any]:
     """The mapping in a YAML file; ConfigurationError when it cannot be read, or is none."""
     try:
         mapping = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except Exception as error:  # values that are not what their form says make the parser raise nearly anything
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"cannot read {path} as YAML: {reason}") from None
     if not isinstance(mapping, dict):
@@ -91,14 +99,15 @@ def as_mapping(config: Any) -> dict[str, Any]:
     return plain
 
 
-def _refuse_unknown_keys(cls: Any, mapping: Mapping[str, Any], source: str, prefix: str) -> None:
+def _refuse_unknown_keys(cls: Any, mapping: Mapping[Any, Any], source: str, prefix: str) -> None:
     hints = typing.get_type_hints(cls)
     known = [entry.name for entry in dataclasses.fields(cls)]
     for key, value in mapping.items():
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.4)
+            name = key if isinstance(key, str) else _shown(key)
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
             hint = f"did you mean {prefix}{near[0]}?" if near else f"known keys are {', '.join(known)}"
-            raise ConfigurationError(f"{source}: unknown key {prefix}{key}; {hint}")
+            raise ConfigurationError(f"{source}: unknown key {prefix}{name}; {hint}")
         if dataclasses.is_dataclass(hints[key]) and isinstance(value, Mapping):
             _refuse_unknown_keys(hints[key], value, source, f"{prefix}{key}.")
         entry = next((part for part in typing.get_args(hints[key]) if dataclasses.is_dataclass(part)), None)

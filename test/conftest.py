@@ -67,6 +67,7 @@ SLOW_PLACES = (
     "evaluation/test_evaluate_command.py",
     "networks/weights_io/test_archive.py",
     "benchmarks/test_contention.py",
+    "benchmarks/test_adversary.py",
 )
 """Folders and files whose tests are slow, those first that take longest."""
 

@@ -39,6 +39,8 @@ def test_values_and_defaults() -> None:
         ({"inner": {"near": 1}}, "unknown key inner.near; did you mean inner.near_m?"),
         ({"inner": {"near_m": "far"}}, "inner.near_m: .*number.* got 'far'"),
         ({"inner": 3}, "inner"),
+        ({"name": 10**5000}, "name: .* got an integer of too many digits"),
+        ({10**5000: 1}, "unknown key an integer of too many digits"),
         ({"parts": [{}, {"neer_m": 1}]}, r"unknown key parts.1..neer_m; did you mean parts.1..near_m."),
     ],
 )
@@ -52,7 +54,9 @@ def test_a_config_may_refuse_what_does_not_fit_together() -> None:
         build(Outer, {"name": ""})
 
 
-@pytest.mark.parametrize("text", ["- 1\n", "a: [", "3\n"])
+@pytest.mark.parametrize(
+    "text", ["- 1\n", "a: [", "3\n", "a: 2001-99-99", f"a: {'9' * 5000}", "!!bool 3", f"a: {'[' * 3000}"]
+)
 def test_files_that_are_no_mapping(tmp_path: Path, text: str) -> None:
     path = tmp_path / "x.yaml"
     path.write_text(text)

@@ -97,6 +97,7 @@ class BagReader:
         try:
             self._reader.open()
             self._connections: list[Connection] = list(self._reader.connections)
+            self._check_metadata()
             self.topics: tuple[TopicInfo, ...] = self._list_topics()
         except Exception as error:  # a damaged file makes the parser raise nearly anything
             self.close()
@@ -169,6 +170,20 @@ class BagReader:
             except BagError as error:
                 self._types[name] = error
         return self._types[name]
+
+    def _check_metadata(self) -> None:
+        """Raises ValueError where names are no texts, or counts and times no numbers."""
+        values = {
+            str: [text for connection in self._connections for text in (connection.topic, connection.msgtype)],
+            int: [
+                *(self._reader.message_count, self._reader.start_time, self._reader.duration),
+                *(connection.msgcount for connection in self._connections),
+            ],
+        }
+        for kind, found in values.items():
+            for value in found:
+                if not isinstance(value, kind):
+                    raise ValueError(f"its metadata has {str(value)[:80]!r} where {kind.__name__} is expected")
 
     def _list_topics(self) -> tuple[TopicInfo, ...]:
         # Two publishers of one topic may be two connections.

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import shutil
 
 import numpy as np
@@ -253,6 +254,16 @@ def test_what_is_no_bag_is_refused(tmp_path):
             BagReader(tmp_path / name)
     with BagReader(drive / "drive.mcap") as bag:  # needs no metadata.yaml
         assert bag.count() == 11
+
+
+@pytest.mark.parametrize("key", ["name", "type", "message_count", "nanoseconds", "nanoseconds_since_epoch"])
+@pytest.mark.parametrize("value", ["[a]", "{}", "~", "2001-01-01"])
+def test_metadata_of_wrong_types_is_refused(key, value, tmp_path):
+    path = write_drive(tmp_path / "drive")
+    metadata = path / "metadata.yaml"
+    metadata.write_text(re.sub(rf"\b{key}: .*", f"{key}: {value}", metadata.read_text()))
+    with pytest.raises(BagError, match="truncated, damaged or no ROS 2 bag"):
+        BagReader(path)
 
 
 def test_an_unknown_topic_is_refused(tmp_path):
