@@ -19,7 +19,7 @@ FINE = 8
 
 
 class SkyHead(nn.Module):
-    """Tells the sky from features of both stages, with a light stem at 1/2 for what is thin against it. Not in the paper.
+    """Tells the sky from features of both stages, with a light stem at 1/2 for thin things. Not in the paper.
 
     The image's encoder, from 1/32 to 1/8, tells what is sky as a whole. At 1/4 it is told how likely the sky is, and
     what each channel of the stem says about it there: a dark line is a wire before a bright sky, and nothing on a wall.
