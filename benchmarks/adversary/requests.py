@@ -238,7 +238,7 @@ class Clients:
         for clients, (_, make) in zip(self._clients, asked, strict=False):
             service, request = make(self)
             futures.append(clients[service].call_async(request))
-        # The node takes requests one by one, in turns: once it has answered several that came later, the others are lost.
+        # The node answers one after another: once several that came later are answered, the others are lost.
         for _ in range(_LATER_REQUESTS):
             later = self._clients[2]["get_state"].call_async(self._classes["get_state"].Request())
             self._until(later.done, _PATIENCE_S)
