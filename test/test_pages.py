@@ -196,9 +196,10 @@ def test_scripts_take_what_they_are_given(words: list[str], monkeypatch: pytest.
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
     monkeypatch.setattr(sys, "argv", [name])
+    is_package = (ROOT / name.replace(".", "/")).is_dir()
+    script = importlib.import_module(f"{name}.__main__" if is_package else name)
     with pytest.raises(Parsed):
-        is_package = (ROOT / name.replace(".", "/")).is_dir()
-        importlib.import_module(f"{name}.__main__" if is_package else name).main()
+        script.main()
 
 
 @pytest.mark.parametrize(("page", "block"), list(blocks("xml")))
