@@ -180,7 +180,7 @@ SCRIPTS = [
 @pytest.mark.parametrize("folder", ["benchmarks", "experiments"])
 def test_each_module_of_scripts_is_named_on_their_page(folder: str) -> None:
     modules = {path.stem for path in (ROOT / folder).glob("*.py")} - {"__init__"}
-    parts = {"fuzz_messages", "soak_figures"}  # of the scripts that import them
+    parts = {"fuzz_messages", "memory", "soak_figures"}  # of the scripts that import them
     page = TEXTS[f"{folder}/README.md"]
     assert {name for name in modules - parts if not re.search(rf"`(?:python -m {folder}\.)?{name}\b", page)} == set()
 
@@ -196,8 +196,10 @@ def test_scripts_take_what_they_are_given(words: list[str], monkeypatch: pytest.
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
     monkeypatch.setattr(sys, "argv", [name])
+    is_package = (ROOT / name.replace(".", "/")).is_dir()
+    script = importlib.import_module(f"{name}.__main__" if is_package else name)
     with pytest.raises(Parsed):
-        importlib.import_module(name).main()
+        script.main()
 
 
 @pytest.mark.parametrize(("page", "block"), list(blocks("xml")))

@@ -85,9 +85,10 @@ class Place:
         self.kept = self.folder / "kept"
         """For what cases share, such as good weights."""
         self._here, self._home, self._temporary = (self.folder / name for name in ("here", "home", "temporary"))
+        self._caches = self.folder / "caches"
         self._told = self.folder / "told"
         self._written_elsewhere: list[str] = []
-        for made in (self.inputs, self.outputs, self.kept, self._here, self._home, self._temporary):
+        for made in (self.inputs, self.outputs, self.kept, self._here, self._home, self._temporary, self._caches):
             made.mkdir(parents=True)
         for folder in (self._here, self._home, self.folder):
             (folder / "bystander.txt").write_text("nobody may touch this", encoding="utf-8")
@@ -97,7 +98,9 @@ class Place:
         os.chdir(self._here)
         places = {"HOME": self._home, "XDG_CACHE_HOME": self._home, "TMPDIR": self._temporary, "PYTHONPATH": ROOT}
         os.environ.update({name: str(path) for name, path in places.items()})
-        os.environ.update(PYTHONDONTWRITEBYTECODE="1", MPLCONFIGDIR=str(self.kept), COLUMNS="200")
+        # torch and matplotlib keep what they compiled and found.
+        os.environ.update(dict.fromkeys(("MPLCONFIGDIR", "TORCHINDUCTOR_CACHE_DIR"), str(self._caches)))
+        os.environ.update(PYTHONDONTWRITEBYTECODE="1", COLUMNS="200")
         sys.dont_write_bytecode = True
         tempfile.tempdir = str(self._temporary)
         told = os.open(self._told, os.O_CREAT | os.O_WRONLY | os.O_APPEND)
@@ -141,11 +144,11 @@ class Place:
         return sorted(str(path.relative_to(self.outputs)) for path in self.outputs.rglob("*"))
 
     def _tree(self) -> dict[str, str]:
-        """Everything but outputs and what was printed: kind, size and hash of each."""
+        """Everything but outputs, caches and what was printed: kind, size and hash of each."""
         return {
             name: entry
             for name, entry in tree(self.folder).items()
-            if name != "told" and not name.startswith(("outputs/", "kept/fontlist"))
+            if name != "told" and not name.startswith(("outputs/", "caches/"))
         }
 
     def _on_event(self, event: str, arguments: tuple[Any, ...]) -> None:
