@@ -1,6 +1,6 @@
 """Bags: reading, writing and building messages without ROS, and finding the sensors among the topics."""
 
-from radcam_depth_ros.bags.definitions import deserialise, jazzy_typestore
+from radcam_depth_ros.bags.definitions import deserialise, prepare
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.bags.headers import Header, header_stamp_ns, read_header
 from radcam_depth_ros.bags.message_factory import RosbagsFactory, factory
@@ -26,7 +26,7 @@ __all__ = [
     "find_bags",
     "find_topics",
     "header_stamp_ns",
-    "jazzy_typestore",
+    "prepare",
     "read_header",
     "read_scenario",
     "read_static_transforms",

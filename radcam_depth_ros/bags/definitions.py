@@ -47,6 +47,11 @@ def jazzy_typestore() -> Any:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
+def prepare(name: str) -> None:
+    """Makes what reads a type of ROS 2 Jazzy, which otherwise delays its first message."""
+    jazzy_typestore().get_msgdef(name)
+
+
 def deserialise(raw: bytes, name: str) -> Any:
     """The message of a type of ROS 2 Jazzy in CDR bytes, which its arrays are views of.
 

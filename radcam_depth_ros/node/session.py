@@ -99,7 +99,7 @@ class Session:
         self.busy_since_ns: int | None = None
         self._is_motion_told = False
         self._is_closed = False
-        self.reader = Reader(node, pipeline.decode, self._on_read)
+        self.reader = Reader(node, inputs, pipeline.decode, self._on_read)
         self._worker: Worker[Ticket] = Worker(self._work, "radcam_depth")
         self.warm_up = WarmUp(pipeline, self._worker, self._on_inference_error)
         steady = Clock(clock_type=ClockType.STEADY_TIME)

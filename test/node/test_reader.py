@@ -26,6 +26,7 @@ from radcam_depth_ros.node.topics.reader import (
 RADAR = Input("radar", "/radar", "sensor_msgs/msg/PointCloud2", 3)
 OTHER = Input("other radar", "/other", "sensor_msgs/msg/PointCloud2", 3)
 STATIC = Input("transforms", "/tf_static", TRANSFORM_TYPE, 100)
+INPUTS = (RADAR, OTHER, STATIC)
 
 
 class Loop:
@@ -82,7 +83,7 @@ def contents(readings: list[Reading]) -> list[Any]:
 
 def test_a_small_message_is_read_before_the_call_returns() -> None:
     readings: list[Reading] = []
-    reader = Reader(Loop(), lambda topic, message: (topic, message.header.frame_id), readings.append)
+    reader = Reader(Loop(), INPUTS, lambda topic, message: (topic, message.header.frame_id), readings.append)
     reader.put(RADAR, cloud("a", 3), 7)
     (reading,) = readings
     assert (reading.content, reading.error, reading.arrived_ns) == (("/radar", "a"), None, 7)
@@ -92,7 +93,7 @@ def test_a_small_message_is_read_before_the_call_returns() -> None:
 
 def test_messages_of_an_input_keep_their_order_and_inputs_take_turns() -> None:
     loop, decoding, readings = Loop(), Decoding(), []
-    reader = Reader(loop, decoding, readings.append)
+    reader = Reader(loop, INPUTS, decoding, readings.append)
     reader.put(RADAR, large("a"), 0)
     decoding.begun.get(timeout=60)
     for source, raw in ((RADAR, large("b")), (RADAR, cloud("c", 3)), (OTHER, large("d"))):
@@ -112,7 +113,7 @@ def test_messages_of_an_input_keep_their_order_and_inputs_take_turns() -> None:
 
 def test_of_more_than_an_inputs_depth_the_oldest_are_dropped_and_counted() -> None:
     loop, decoding, readings = Loop(), Decoding(), []
-    reader = Reader(loop, decoding, readings.append)
+    reader = Reader(loop, INPUTS, decoding, readings.append)
     reader.put(RADAR, large("a"), 0)
     assert decoding.begun.get(timeout=60) == "a"
     for name in "bcdefg":
@@ -128,7 +129,7 @@ def test_of_more_than_an_inputs_depth_the_oldest_are_dropped_and_counted() -> No
 
 def test_what_is_read_after_the_end_is_not_handed_back() -> None:
     loop, decoding, readings = Loop(), Decoding(), []
-    reader = Reader(loop, decoding, readings.append)
+    reader = Reader(loop, INPUTS, decoding, readings.append)
     reader.put(RADAR, large("a"), 0)
     decoding.begun.get(timeout=60)
     reader.close(timeout_s=0.0)
@@ -144,7 +145,7 @@ def test_what_is_read_after_the_end_is_not_handed_back() -> None:
 @pytest.mark.parametrize("raw", [b"", b"\x00\x01", cloud("a", 3)[:40], b"\x00\x01\x00\x00" + b"\xff" * 60])
 def test_bytes_that_are_no_message_are_named(raw: bytes) -> None:
     readings: list[Reading] = []
-    reader = Reader(Loop(), lambda topic, message: None, readings.append)
+    reader = Reader(Loop(), INPUTS, lambda topic, message: None, readings.append)
     for source in (RADAR, STATIC):
         reader.put(source, raw, 0)
         error = readings[-1].error
@@ -156,7 +157,7 @@ def test_bytes_that_are_no_message_are_named(raw: bytes) -> None:
 @pytest.mark.parametrize(("raw", "is_taken"), [(links(10), True), (links(MAX_LINKS), True), (links(1001), False)])
 def test_transforms_are_bounded_before_they_are_decoded(raw: bytes, is_taken: bool) -> None:
     loop, readings = Loop(), []
-    reader = Reader(loop, lambda topic, message: len(message.transforms), readings.append)
+    reader = Reader(loop, INPUTS, lambda topic, message: len(message.transforms), readings.append)
     reader.put(STATIC, raw, 0)
     if not readings:
         loop.run_once()
@@ -172,7 +173,7 @@ def test_transforms_are_bounded_before_they_are_decoded(raw: bytes, is_taken: bo
 
 def test_transforms_with_very_long_names_are_bounded_too() -> None:
     readings: list[Reading] = []
-    reader = Reader(Loop(), lambda topic, message: None, readings.append)
+    reader = Reader(Loop(), INPUTS, lambda topic, message: None, readings.append)
     raw = links(10, "x" * (MOST_TRANSFORM_BYTES // 10))
     reader.put(STATIC, raw, 0)
     assert isinstance(readings[0].error, TooLargeError)

@@ -9,13 +9,13 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from rclpy.node import Node
 
-from radcam_depth_ros.bags import BagError, deserialise, jazzy_typestore
+from radcam_depth_ros.bags import BagError, deserialise, prepare
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import MAX_LINKS
 from radcam_depth_ros.node.topics.inputs import COMPRESSED, TRANSFORM_TYPE, TRANSPORT_TYPES, Input
@@ -70,6 +70,7 @@ class Reader:
 
     Args:
         node: Its executor's thread calls `put`, and is where `on_read` is called.
+        inputs: All that are read.
         decode: Called with a topic and a message, in any thread.
         on_read: Called with each message that was read.
 
@@ -77,7 +78,13 @@ class Reader:
         dropped: How many messages of each part were dropped for newer ones.
     """
 
-    def __init__(self, node: Node, decode: Callable[[str, Any], Any], on_read: Callable[[Reading], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        inputs: Iterable[Input],
+        decode: Callable[[str, Any], Any],
+        on_read: Callable[[Reading], None],
+    ) -> None:
         self._node, self._decode, self._on_read = node, decode, on_read
         self.dropped: Counter[str] = Counter()
         self._changed = threading.Condition()
@@ -87,7 +94,8 @@ class Reader:
         self._closed = threading.Event()
         self._guard = node.create_guard_condition(self._hand_back)
         self._thread: threading.Thread | None = None
-        jazzy_typestore()  # takes a moment, now rather than with the first image
+        for name in {source.type_name for source in inputs}:
+            prepare(name)
 
     def pending(self, part: str) -> int:
         """How many messages of a part are on their way."""
