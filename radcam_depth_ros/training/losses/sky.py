@@ -13,9 +13,12 @@ from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
 SKY_CLASS = 10
 """Training id of the sky."""
 
+SURFACE_WEIGHT = 2.0
+"""A lost surface is worse than a wall in the sky."""
+
 
 def sky_probability_loss(logit: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
-    """Binary cross entropy of the sky.
+    """Binary cross entropy of the sky, in which a surface counts `SURFACE_WEIGHT` times.
 
     A sample without classes and without any sky in its truth is a LiDAR's, which never sees the sky: it does not count,
     or a network that learns from such samples alone would forget the sky.
@@ -32,4 +35,4 @@ def sky_probability_loss(logit: Tensor, truth_m: Tensor, classes: Tensor, ranks:
     sky = torch.isinf(truth) | (unknown & (label == SKY_CLASS))
     told = (sky | (label != UNKNOWN_CLASS)).flatten(1).any(dim=1).reshape(-1, 1, 1, 1)
     entropy = functional.binary_cross_entropy_with_logits(logit.float(), sky.float(), reduction="none")
-    return masked_mean(entropy, (sky | ~unknown) * told, ranks)
+    return masked_mean(entropy, torch.where(sky, 1.0, SURFACE_WEIGHT * ~unknown) * told, ranks)
