@@ -133,6 +133,17 @@ def test_parts_learn_one_after_the_other(tmp_path: Path, data: TrainingData) -> 
         assert changed == {learning}
 
 
+@pytest.mark.parametrize("part", ["road", "doubt", "sky", "mix"])
+def test_a_part_may_learn_alone(tmp_path: Path, data: TrainingData, part: str) -> None:
+    config = dataclasses.replace(CONFIG, iterations=1, phases=(PhaseConfig(1.0, ((64, 64),), 1, (part,)),))
+    states: list[dict[str, Tensor]] = []
+    for steps in (0, 1):
+        _, trainer, _ = run(data, tmp_path / "run", config, steps > 0, stop_after=steps, network="baff")
+        states.append({name: value.clone() for name, value in trainer.network.state_dict().items()})
+    learned = dict(trainer.network.named_parameters()).keys()
+    assert {name.split(".")[0] for name in learned if not torch.equal(states[0][name], states[1][name])} == {part}
+
+
 @pytest.mark.usefixtures("number_format")
 def test_parts_learn_at_their_own_rates(tmp_path: Path, data: TrainingData) -> None:
     changes: list[float] = []

@@ -228,7 +228,8 @@ class Baff(Network):
             association, best, depth, features = self.association.train_outputs(image, maps, radar, valid)
         else:
             best, depth, features = self.association(image, maps, radar, valid)
-        if not (learns(self.fusion) or (self.mix is not None and learns(self.mix))):
+        others = (self.fusion, self.road, self.doubt, self.sky, self.mix)
+        if not any(part is not None and learns(part) for part in others):
             return TrainOutputs(None, None, association, None, None)
         choice = self._choose(maps, features, best, depth, geometry, roads.used)
         decision = self._decide(image, maps, statistics, geometry, roads, best, depth, choice)
