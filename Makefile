@@ -25,6 +25,7 @@ PAGES ?=
 IN_PARALLEL := -n 3 --dist loadfile --no-loadscope-reorder
 ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
 EXHAUSTIVE = $(shell grep -rl --include='*.py' 'pytest.mark.exhaustive' test)
+ENDURANCE = $(shell grep -rl --include='*.py' 'pytest.mark.endurance' test)
 
 .PHONY: help demo test test-exhaustive adversary check check-all docs generate lint format clean
 
@@ -40,7 +41,7 @@ test: .venv/installed .venv/tf2_msgs.installed ## all tests, three at a time [PY
 ifdef PYTEST_ARGS
 	@.venv/bin/python -m pytest $(PYTEST_ARGS)
 else
-	@.venv/bin/python -m pytest $(IN_PARALLEL) -m "not alone and not exhaustive"
+	@.venv/bin/python -m pytest $(IN_PARALLEL) -m "not alone and not exhaustive and not endurance"
 	@.venv/bin/python -m pytest -m alone $(ALONE)
 endif
 
@@ -51,12 +52,13 @@ adversary: .venv/installed ## attacks the package with a part of the hostile inp
 	@.venv/bin/python -m benchmarks.adversary --share "$(SHARE)" --seed 1
 
 check: .venv/installed lint ## lint, types and the fast tests, between two edits
-	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not exhaustive and not slow" --durations 5 --durations-min 2 -q
+	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not exhaustive and not endurance and not slow" --durations 5 --durations-min 2 -q
 
 check-all: .venv/installed .venv/tf2_msgs.installed lint ## all tests in both number formats, hostile inputs, docs
 	@for format in float32 bfloat16; do \
 	    printf '\n== %s\n' "$$format"; RADCAM_DEPTH_PRECISION=$$format $(MAKE) --no-print-directory test || exit 1; done
 	@$(MAKE) --no-print-directory test-exhaustive
+	@.venv/bin/python -m pytest -n 2 -m endurance $(ENDURANCE)
 	@.venv/bin/python -m benchmarks.fuzz --messages 20000 --seed 1
 	@.venv/bin/python -m benchmarks.adversary --seed 1
 	@$(MAKE) --no-print-directory docs

@@ -77,7 +77,7 @@ def test_every_request_of_two_clients_that_race_is_answered(start: Callable[...,
     bench.await_depth()
 
 
-@pytest.mark.exhaustive
+@pytest.mark.endurance
 def test_thousands_of_such_requests_take_no_memory(start: Callable[..., Any]) -> None:
     bench = start()
     bench.until(lambda: bench.state == "active")

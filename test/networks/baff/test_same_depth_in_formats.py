@@ -45,7 +45,7 @@ def test_depth_of_a_drive_is_within_a_hundredth(tmp_path: Path, estimators: list
     assert 0.0 < max(found) < MOST
 
 
-@pytest.mark.exhaustive
+@pytest.mark.endurance
 @pytest.mark.timeout(3600)
 def test_depth_of_a_hundred_frames_is_within_a_hundredth(tmp_path: Path, estimators: list[Estimator]) -> None:
     found = [value for seed in range(1_000_001, 1_000_026) for value in differences(seed, tmp_path, estimators)]
