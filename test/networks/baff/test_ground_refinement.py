@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 from hypothesis import given, settings
@@ -9,6 +11,8 @@ from hypothesis import strategies as st
 from torch import Tensor, nn
 
 from radcam_depth_ros.networks.baff.ground_refinement import SPAN_PX, VOTE_ROWS, RoadVotes
+from radcam_depth_ros.networks.baff.network import Baff
+from radcam_depth_ros.networks.weights_io import archive
 
 CHANNELS = (8, 8, 8, 8)
 ROWS, COLUMNS = 4, 6
@@ -87,3 +91,33 @@ def test_where_nothing_is_told_nothing_comes_out_and_gradients_stay_finite() -> 
     gradient = road.trust.grad
     assert gradient is not None
     assert torch.isfinite(gradient).all()
+
+
+@pytest.mark.parametrize("picture", ["black", "grey", "noise"])
+def test_the_shipped_network_keeps_an_assumed_height_where_the_picture_tells_nothing(picture: str) -> None:
+    network = archive.load("baff").network
+    assert isinstance(network, Baff)
+    assert network.road is not None
+    assert network.doubt is not None
+    generator = torch.Generator().manual_seed(0)
+    height, width, focal_length, assumed_m = 320, 640, 630.0, 1.4
+    image = {
+        "black": torch.zeros(1, 3, height, width),
+        "grey": torch.full((1, 3, height, width), 0.5),
+        "noise": torch.rand(1, 3, height, width, generator=generator),
+    }[picture]
+    returns = 60
+    place = torch.rand(1, returns, 3, generator=generator) * torch.tensor([width, height, 70.0]) + torch.tensor(
+        [0, 0, 4]
+    )
+    radar = torch.cat([place, torch.zeros(1, returns, 3)], dim=2)
+    ground = torch.tensor([[0.0, 1.0, 0.5 - height / 2, 0.0]]) / (focal_length * assumed_m)
+    with torch.inference_mode():
+        valid = torch.ones(1, returns, dtype=torch.bool)
+        geometry = network.rasterise(radar, valid, ground, height, width)
+        maps = network.encoder(image, geometry.prior, [])
+        heard, _ = network.doubt(network.statistics(image, valid))
+        ((a, b, c, _),) = network.road(maps, ground, heard)[0].tolist()
+    middle = c + a * (width - 1) / 2 + b * (height - 1) / 2
+    kept_m = 1 / math.hypot(a * focal_length, b * focal_length, middle)
+    assert kept_m == pytest.approx(assumed_m, rel=0.03)
