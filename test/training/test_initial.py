@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from radcam_depth_ros import networks
+from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.initial import load_initial
 
@@ -24,10 +25,12 @@ def test_another_architecture_is_refused_naming_what_differs(small_weights: Path
         load_initial(networks.create("baff", {"detail": 4}), "baff", small_weights)
 
 
-def test_weights_without_the_mix_can_be_trained_on_with_it() -> None:
+def test_weights_without_the_mix_can_be_trained_on_with_it(tmp_path: Path) -> None:
+    earlier, path = networks.create("baff", {"geometry_mix": False}), tmp_path / "earlier.safetensors"
+    archive.save(earlier, archive.Card.of(earlier, "baff", "nothing"), path)
     network = networks.create("baff")
     first = {name: value.clone() for name, value in network.state_dict().items()}
-    load_initial(network, "baff", "baff")
+    load_initial(network, "baff", path)
     now = network.state_dict()
     assert torch.equal(now["mix.look.here.0.weight"], first["mix.look.here.0.weight"])
     assert not torch.equal(now["encoder.stem.0.0.weight"], first["encoder.stem.0.0.weight"])
