@@ -16,7 +16,7 @@ import numpy as np
 from radcam_depth_ros.drive import Sample, read_samples
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.files import whole
-from radcam_depth_ros.frame import CameraModel, DepthResult, FloatArray, ImageArray
+from radcam_depth_ros.frame import SKY_FROM, CameraModel, DepthResult, FloatArray, ImageArray
 from radcam_depth_ros.geometry import project
 from radcam_depth_ros.reporting.pictures import draw_depth, draw_radar
 from radcam_depth_ros.simulation import SimulationConfig, simulate
@@ -32,7 +32,10 @@ def drawn_frame(seed: int, frames: int, index: int) -> tuple[Sample, DepthResult
         bag = Path(folder) / "drive.mcap"
         simulate(SimulationConfig(), seed, frames, bag)
         sample = list(read_samples(bag))[index]
-    return sample, Estimator().estimate(sample.frame)
+    result = Estimator().estimate(sample.frame)
+    if result.sky is not None:  # as it is published with `sky: none`
+        result.dense[result.sky >= SKY_FROM] = np.nan
+    return sample, result
 
 
 def points_of(result: DepthResult) -> FloatArray:
@@ -73,7 +76,7 @@ def picture(sample: Sample, result: DepthResult) -> ImageArray:
     cloud = seen_from_behind(points, image[::2, ::2][shown], (_WIDTH, _HEIGHT))
     panels = {
         "camera and radar returns": draw_radar(image, uv, depth_m),
-        "dense depth": draw_depth(result.dense),
+        "dense depth, without the sky": draw_depth(result.dense),
         f"its points, from behind (confidence over {_SURE})": cloud,
     }
     return np.concatenate([_captioned(title, panel) for title, panel in panels.items()], axis=1)
