@@ -37,18 +37,17 @@ class ImageStatistics(nn.Module):
         quarter = functional.avg_pool2d(grey, 4)
         coarse = functional.avg_pool2d(quarter, 4)
         thin = some[:, :, :, ::4]
-        flat = rows.flatten(1)
         return torch.stack(
             [
-                grey.mean(dim=(1, 2, 3)),
-                flat.std(dim=1),
+                _mean(grey),
+                _deviation(rows),
                 _steps(rows),
                 _steps(quarter[:, 0]),
                 _steps(coarse[:, 0]),
-                (flat < 0.04).float().mean(dim=1),
-                (flat > 0.96).float().mean(dim=1),
-                (thin.amax(dim=1) - thin.amin(dim=1)).mean(dim=(1, 2)),
-                torch.log(coarse.flatten(1).std(dim=1) + 1e-3),
+                _mean((rows < 0.04).float()),
+                _mean((rows > 0.96).float()),
+                _mean(thin.amax(dim=1) - thin.amin(dim=1)),
+                torch.log(_deviation(coarse) + 1e-3),
             ],
             dim=1,
         )
@@ -56,7 +55,22 @@ class ImageStatistics(nn.Module):
 
 def _steps(grey: Tensor) -> Tensor:
     """Logarithm of the mean absolute difference of neighbours along the rows of (B, h, w)."""
-    return torch.log((grey[:, :, 1:] - grey[:, :, :-1]).abs().mean(dim=(1, 2)) + 1e-3)
+    return torch.log(_mean((grey[:, :, 1:] - grey[:, :, :-1]).abs()) + 1e-3)
+
+
+def _mean(x: Tensor) -> Tensor:
+    """Mean of each (..., W) of (B, ..., W), the same to the digit for any number of threads: row by row first.
+
+    A sum of a single image's pixels would be one of parts, as many as there are threads.
+    """
+    return x.mean(dim=-1).flatten(1).mean(dim=1)
+
+
+def _deviation(x: Tensor) -> Tensor:
+    """Standard deviation, as `_mean` takes means."""
+    pixels = x.numel() // x.shape[0]
+    away = x.flatten(1) - _mean(x).unsqueeze(1)
+    return torch.sqrt(_mean((away * away).reshape(x.shape)) * (pixels / max(pixels - 1, 1)))
 
 
 class FrameStatistics(nn.Module):
