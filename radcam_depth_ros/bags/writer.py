@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
+import secrets
 import shutil
 import struct
-import tempfile
 from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
@@ -91,7 +91,9 @@ class BagWriter:
         name = self.path.stem if self._is_file else self.path.name  # what the file inside the folder is called
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._folder = Path(tempfile.mkdtemp(dir=self.path.parent, prefix=f".{self.path.name}.partial-"))
+            # Its name is known before there is a folder, so that a signal in between leaves none behind.
+            self._folder = self.path.with_name(f".{self.path.name}.partial-{secrets.token_hex(4)}")
+            self._folder.mkdir(mode=0o700)
             writer = McapBagWriter(
                 self._folder / name, version=McapBagWriter.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
             )
@@ -102,6 +104,9 @@ class BagWriter:
         except OSError as error:
             self._discard()
             raise BagError(f"cannot write a bag at {self.path}: {error}; choose another place") from error
+        except BaseException:  # a signal's
+            self._discard()
+            raise
         self._writer = writer
         return self
 

@@ -67,6 +67,7 @@ def test_planes_stay_within_the_depth_range_and_pass_finite_gradients(values: li
 
 
 def test_a_gate_lets_nothing_through_where_radar_is_not_sure() -> None:
+    torch.manual_seed(0)
     gate = ConfidenceGate(4, 6)
     confidence = torch.tensor([[0.0, 1.0]]).reshape(1, 1, 1, 2)
     gated = gate(torch.rand(1, 4, 1, 2) + 1.0, confidence)
