@@ -17,7 +17,7 @@ SEED ?=
 MODEL ?=
 OUT ?= out/demo
 # Share of the cases of `make adversary`.
-SHARE ?= 0.05
+SHARE ?= 0.1
 # Pages of `make docs`; all of them if none is named.
 PAGES ?=
 
@@ -48,7 +48,7 @@ endif
 test-exhaustive: .venv/installed ## what `make test` tries in part: torch.export of every network
 	@.venv/bin/python -m pytest -n 2 -m exhaustive $(EXHAUSTIVE)
 
-adversary: .venv/installed ## attacks the package with a part of the hostile inputs of `make check-all` [SHARE=0.05]
+adversary: .venv/installed ## attacks the package with a part of the hostile inputs of `make check-all` [SHARE=0.1]
 	@.venv/bin/python -m benchmarks.adversary --share "$(SHARE)" --seed 1
 
 check: .venv/installed lint ## lint, types and the fast tests, between two edits
