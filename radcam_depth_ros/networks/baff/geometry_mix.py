@@ -73,7 +73,8 @@ class GeometryMix(nn.Module):
         depth, told, used = depth.float(), told.float(), used.float()
         apart = self.emphasis * functional.avg_pool2d(used - depth, self.detail)
         known = torch.cat([planes, apart, apart.abs(), functional.avg_pool2d(depth, self.detail)], dim=1)
-        x = self.look(torch.cat([features, known.to(features.dtype)], dim=1))
+        known = known.to(features.dtype).contiguous(memory_format=torch.channels_last)  # as the features are
+        x = self.look(torch.cat([features, known], dim=1))
         x = self.activation(x + self.whole(statistics).to(x.dtype).unsqueeze(2).unsqueeze(3))
         parts = self.detail * self.detail
         raw = self.head(x)

@@ -53,7 +53,8 @@ class SkyHead(nn.Module):
             The logit (B, 1, H / 2, W / 2) float32.
         """
         around = self.around(self.middle(self.coarse(maps[3], maps[2]), maps[1]))
-        here = self.here(torch.cat([features, planes.to(features.dtype)], dim=1))
+        planes = planes.to(features.dtype).contiguous(memory_format=torch.channels_last)  # as the features are
+        here = self.here(torch.cat([features, planes], dim=1))
         gates = double(self.gates(self.activation(here.add_(double(around)))))
         fine = (gates[:, 1:] * self.stem(image).float()).sum(dim=1, keepdim=True)
         logit: Tensor = gates[:, :1] + fine

@@ -33,13 +33,12 @@ class ImageStatistics(nn.Module):
         """
         # Some of the rows stand for all: the finest steps are most of the cost.
         some = image[:, :, ::4].float()
-        rows, grey = some.mean(dim=1), image.float().mean(dim=1, keepdim=True)
-        quarter = functional.avg_pool2d(grey, 4)
+        rows, quarter = some.mean(dim=1), functional.avg_pool2d(image, 4).float().mean(dim=1, keepdim=True)
         coarse = functional.avg_pool2d(quarter, 4)
         thin = some[:, :, :, ::4]
         return torch.stack(
             [
-                _mean(grey),
+                _mean(quarter),
                 _deviation(rows),
                 _steps(rows),
                 _steps(quarter[:, 0]),
