@@ -27,27 +27,18 @@ FRAMES = 3
 _START_NS, _PERIOD_NS = 1_000_000_000_000, 100_000_000
 TRUTH = "/ground_truth/depth"
 _MCAP, _SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3
-_NAMES = (
-    *(
-        "x\n    model_file: /evil.pt\n#",
-        "[/x]",
-        "[red]x[/red]",
-        "x\x1b[2J\x1b]0;title\x07",
-        "x\r\x00\x7f\x85\u2028\u202e",
-    ),
-    *(
-        "<script>alert(1)</script>",
-        "x: {a: [",
-        "'\"`$(reboot)",
-        "",
-        "/",
-        "a" * 20_000,
-        "/../../etc",
-        "{x}",
-        "%s%n",
-        "\u0301",
-    ),
+OBEYED_NAMES = (
+    "x\n    model_file: /evil.pt\n#",
+    "[/x]",
+    "[red]x[/red]",
+    "x\x1b[2J\x1b]0;title\x07",
+    "x\r\x00\x7f\x85\u2028\u202e",
+    "<script>alert(1)</script>",
+    "x: {a: [",
+    "'\"`$(reboot)",
 )
+"""Names that a writer of YAML, HTML or a terminal might obey."""
+_NAMES = (*OBEYED_NAMES, "", "/", "a" * 20_000, "/../../etc", "{x}", "%s%n", "\u0301")
 _TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/PointCloud2", "x", "", "a/b/c/d", "std_msgs/msg/Nothing", "\x1b[2J")
 _DEFINITIONS = (
     *(

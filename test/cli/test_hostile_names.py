@@ -11,6 +11,7 @@ import yaml
 from command_line import run_main
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_returns
 
+from benchmarks.adversary.bag_files import OBEYED_NAMES
 from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.messages import (
     StampedTransform,
@@ -18,17 +19,6 @@ from radcam_depth_ros.messages import (
     encode_image,
     encode_points,
     encode_transforms,
-)
-
-HOSTILE = (
-    "x\n    model_file: /evil.pt\n#",
-    "[/x]",
-    "[red]x[/red]",
-    "x\x1b[2J\x1b]0;title\x07",
-    "x\r\x00\x7f\x85\u2028\u202e",
-    "<script>alert(1)</script>",
-    "x: {a: [",
-    "'\"`$(reboot)",
 )
 
 
@@ -55,7 +45,7 @@ def is_printable(text: str) -> bool:
     return all(letter.isprintable() or letter in "\n\t" for letter in text)
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", OBEYED_NAMES)
 def test_inspect_shows_and_writes_them(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,7 +65,7 @@ def test_inspect_shows_and_writes_them(
     assert json.loads(out)
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", OBEYED_NAMES)
 def test_replay_and_check_calibration_show_them(
     name: str, tmp_path: Path, small_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -91,7 +81,7 @@ def test_replay_and_check_calibration_show_them(
 def test_a_path_may_hold_anything(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in HOSTILE:
+    for name in OBEYED_NAMES:
         missing = tmp_path / name.replace("/", "_").replace("\x00", "")
         for verb in ("inspect", "evaluate", "check-calibration"):
             assert run_main(monkeypatch, verb, missing) == 2
