@@ -142,7 +142,11 @@ def test_what_is_read_after_the_end_is_not_handed_back() -> None:
     assert loop.triggered.empty()
 
 
-@pytest.mark.parametrize("raw", [b"", b"\x00\x01", cloud("a", 3)[:40], b"\x00\x01\x00\x00" + b"\xff" * 60])
+@pytest.mark.parametrize(
+    "raw",
+    [b"", b"\x00\x01", cloud("a", 3)[:40], b"\x00\x01\x00\x00" + b"\xff" * 60],
+    ids=["empty", "short header", "cut", "counts beyond its end"],
+)
 def test_bytes_that_are_no_message_are_named(raw: bytes) -> None:
     readings: list[Reading] = []
     reader = Reader(Loop(), INPUTS, lambda topic, message: None, readings.append)
