@@ -80,7 +80,7 @@ def evaluate(
     radcam-depth evaluate out/test --report out/evaluation.html
     """
     from radcam_depth_ros.evaluation.drive import EvaluationSettings
-    from radcam_depth_ros.evaluation.tables import distance_table, summary_table
+    from radcam_depth_ros.evaluation.tables import distance_table, summary_table, thing_tables
 
     keep_apart((json_target, report, csv), (*bags, params, model))
     wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
@@ -109,7 +109,8 @@ def evaluate(
     if json_target:
         write_json(measured.as_json(), json_target)
     if json_target != "-":
-        _print(measured.facts(), (summary_table(measured.evaluation), distance_table(measured.evaluation)))
+        measures = measured.evaluation
+        _print(measured.facts(), (summary_table(measures), distance_table(measures), *thing_tables(measures)))
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from radcam_depth_ros.evaluation.given import GivenAccumulator
 from radcam_depth_ros.evaluation.groups import BAG, GEOMETRY, RETURNS, SCENARIO, ComparisonMeans, GroupMeans, return_bin
 from radcam_depth_ros.evaluation.measures.classes import ClassMeans
 from radcam_depth_ros.evaluation.measures.distances import DistanceAccumulator
+from radcam_depth_ros.evaluation.measures.edges import EdgeAccumulator
 from radcam_depth_ros.evaluation.measures.metrics import (
     BINS,
     RANGES,
@@ -30,6 +31,7 @@ from radcam_depth_ros.evaluation.measures.metrics import (
 from radcam_depth_ros.evaluation.measures.reliability import ReliabilityAccumulator
 from radcam_depth_ros.evaluation.measures.sky import SkyAccumulator
 from radcam_depth_ros.evaluation.measures.sparsification import SparsificationAccumulator
+from radcam_depth_ros.evaluation.measures.things import ThingAccumulator
 from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation, Latency
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
 
@@ -240,6 +242,7 @@ class _Sums:
             ReliabilityAccumulator(ranges[-1]),
         )
         self._sky = SkyAccumulator(ranges[-1])
+        self._edges, self._things = EdgeAccumulator(ranges), ThingAccumulator(ranges[-1].clip_m)
         self._given = GivenAccumulator(settings.camera_height_m)
         self._frames = self._missing = 0
         self._sources: set[str] = set()
@@ -269,6 +272,10 @@ class _Sums:
         self._reliability.add(result.dense, result.confidence, truth_m, sample.classes, time_of_day)
         if sample.classes is not None:
             self._classes.add(result.dense, truth_m, sample.classes)
+            self._things.add(result.dense, truth_m, sample.classes)
+        # Points of a LiDAR are too sparse to have neighbours.
+        if sample.source == "exact":
+            self._edges.add(result.dense, truth_m)
         properties = {RETURNS: return_bin(in_view)}
         properties |= {name: drive.scenario[name] for name in SCENARIO if name in drive.scenario}
         properties |= {BAG: drive.name} if drive.name else {}
@@ -321,6 +328,8 @@ class _Sums:
             sparsification=self._sparsification.result(),
             reliability=self._reliability.result(),
             sky=self._sky.result(),
+            edges=self._edges.result(),
+            things=self._things.result(),
             clip_m=self._settings.clip_m,
             latency=latency,
             scans=ScanSummary.of(self._scans),

@@ -12,10 +12,12 @@ from radcam_depth_ros.drive import ScanSummary
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import Comparison, Grouping, worse_than_geometry
 from radcam_depth_ros.evaluation.measures.distances import STEP_M, DistanceCurve
+from radcam_depth_ros.evaluation.measures.edges import EdgeMetrics
 from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
 from radcam_depth_ros.evaluation.measures.reliability import Reliability
 from radcam_depth_ros.evaluation.measures.sky import SkyMetrics
 from radcam_depth_ros.evaluation.measures.sparsification import Sparsification
+from radcam_depth_ros.evaluation.measures.things import ThingErrors, things_json
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,9 @@ class Evaluation:
         sparsification: Sparsification by the confidence.
         reliability: Calibration of the confidence.
         sky: How much of the sky is told, and of what stands before it kept.
+        edges: The dense depth near edges of the exact depth, and away from them.
+        things: The dense depth of small things by class and distance, within 80 m and in stretches; empty where the
+            drives have no classes.
         clip_m: What predictions were clipped to; None where to each range.
         latency: Of the estimate alone.
         scans: How the LiDAR scans near the frames became ground truth.
@@ -121,6 +126,8 @@ class Evaluation:
     sparsification: Sparsification
     reliability: Reliability
     sky: SkyMetrics
+    edges: EdgeMetrics
+    things: Mapping[str, Mapping[str, ThingErrors]]
     clip_m: float | None
     latency: Latency
     scans: ScanSummary = field(default_factory=ScanSummary)
@@ -152,6 +159,8 @@ class Evaluation:
             "sparsification": self.sparsification.as_json(),
             "confidence": self.reliability.as_json(),
             "sky": self.sky.as_json() if self.sky.pixels else None,
+            "edges": self.edges.as_json() if self.edges.frames else None,
+            "things": things_json(self.things),
             "baselines": {name: self._baseline_json(name) for name in self.baselines},
             "clip_m": self.clip_m,
             "latency_ms": self.latency.as_json(),

@@ -7,12 +7,14 @@ from collections.abc import Iterator, Sequence
 
 from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import BAG, MARGIN, RETURNS, SCENARIO, Group, Grouping
+from radcam_depth_ros.evaluation.measures.edges import EDGE_RATIO, NEAR_PX
 from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics
 from radcam_depth_ros.evaluation.measures.reliability import LEAST_SHARE, TOLERANCE
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.reporting.table import Fact, Table, number
 
 DENSE, SEMI_DENSE = "dense", "semi-dense"
+NEAR_EDGES, AWAY_FROM_EDGES = "dense, near edges", "dense, away from edges"
 BASELINE_TITLES = {
     "ground_nearest": "geometry alone",
     "camera_only": "camera alone",
@@ -51,9 +53,22 @@ def summary_table(evaluation: Evaluation) -> Table:
     )
     notes = (
         "Averaged over the pixels with ground truth in range, then over frames. Semi-dense: where it has values.",
+        *_edge_notes(evaluation),
         *(f"{BASELINE_TITLES[name].capitalize()}: {_BASELINE_NOTES[name]}" for name in evaluation.baselines),
     )
     return Table("Error in metres, of all within 50, 70 and 80 m", columns, rows, " ".join(notes))
+
+
+def _edge_notes(evaluation: Evaluation) -> Iterator[str]:
+    """Defines the pixels near edges and has their share; nothing without exact depth."""
+    if evaluation.edges.frames:
+        within = (
+            f"{number(100 * evaluation.edges.share, 1)} % of the pixels within {evaluation.dense.ranges[-1].name} m"
+        )
+        yield (
+            f"Near edges: within {NEAR_PX} px of a step of the exact depth by more than {100 * (EDGE_RATIO - 1):.0f} % "
+            f"or to the sky; {within}."
+        )
 
 
 def detail_table(evaluation: Evaluation) -> Table:
@@ -67,7 +82,7 @@ def detail_table(evaluation: Evaluation) -> Table:
     rows = tuple(
         (f"{name}, {entry.name} m", *_measures(entry), number(100 * share, 1))
         for name, entries in _kinds(evaluation)
-        for entry, share in zip(entries, coverage[name], strict=True)
+        for entry, share in zip(entries, coverage.get(name, (math.nan,) * len(ranges)), strict=True)
     )
     note = (
         "d1 to d3: share of pixels whose ratio to the truth is below 1.25, 1.25² and 1.25³. Coverage: share of the "
@@ -155,6 +170,26 @@ def class_tables(evaluation: Evaluation) -> Iterator[Table]:
             yield Table(title, ("", *_TITLES.values(), "frames"), rows)
 
 
+def thing_tables(evaluation: Evaluation) -> Iterator[Table]:
+    """Errors of small things by distance; none where the drives do not show them."""
+    things = evaluation.things
+    if not things:
+        return
+    distances = tuple(next(iter(things.values())))
+    rows = tuple(
+        (f"{name}, {title}", *cells)
+        for name, by_distance in things.items()
+        for title, cells in (
+            ("MAE", (number(entry.mae_m) for entry in by_distance.values())),
+            ("median", (number(entry.median_m) for entry in by_distance.values())),
+            ("pixels", (str(entry.pixels) for entry in by_distance.values())),
+        )
+    )
+    note = "Mean and median of the absolute error over the pixels of all frames."
+    columns = ("", *(f"{name} m" for name in distances))
+    yield Table("Error of small things by distance of the ground truth, metres", columns, rows, note)
+
+
 def group_table(evaluation: Evaluation, grouping: Grouping) -> Table:
     """The dense depth by group of frames, beside the baselines; marks groups that are worse than geometry alone."""
     property_ = "number of radar returns in view" if grouping.name == RETURNS else grouping.name.replace("_", " ")
@@ -198,6 +233,7 @@ def tables_of(evaluation: Evaluation) -> tuple[Table, ...]:
         *reliability_tables(evaluation),
         *sky_tables(evaluation),
         *class_tables(evaluation),
+        *thing_tables(evaluation),
         *(group_table(evaluation, grouping) for grouping in evaluation.groupings if len(grouping.groups) > 1),
     )
 
@@ -280,8 +316,10 @@ def _given(given: Given) -> str:
 
 
 def _kinds(evaluation: Evaluation) -> tuple[tuple[str, Sequence[DepthMetrics]], ...]:
+    edges = evaluation.edges
     return (
         (DENSE, evaluation.dense.ranges),
+        *(((NEAR_EDGES, edges.near), (AWAY_FROM_EDGES, edges.away)) if edges.frames else ()),
         (SEMI_DENSE, evaluation.semi_dense.metrics),
         *((BASELINE_TITLES[name], depth.ranges) for name, depth in evaluation.baselines.items()),
     )

@@ -95,6 +95,8 @@ def test_json_alone_goes_to_standard_output(tmp_path, model, app):
     assert set(MEASURES) <= set(plain["dense"]["80"])
     assert plain["baselines"]["ground_nearest"]["80"]["mae"] == pytest.approx(5.0)
     assert plain["semi_dense"]["coverage"] >= 0
+    assert plain["edges"]["80"]["frames"] == FRAMES
+    assert plain["things"] == {}
     assert "evaluating" in done.stderr
 
 
@@ -105,6 +107,7 @@ def test_a_table_and_files_are_written(tmp_path, loaded, app):
     done = CliRunner().invoke(app, [str(bag), *options])
     assert done.exit_code == 0, done.output
     assert "geometry alone" in done.stdout
+    assert "near edges" in done.stdout
     assert "1.70 m (as given)" in done.stdout
     plain = json.loads(measures.read_text(encoding="utf-8"))
     assert plain["frames"] == 2

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.drive import Sample, ScanUse
 from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, evaluate_drive, evaluate_drives, resize_result
 from radcam_depth_ros.evaluation.measures.metrics import MEASURES, EvaluationError
@@ -135,7 +136,62 @@ def test_classes_are_measured_apart():
         {"road, people and vehicles": 1.0 + 3.0 * (10 * 64) / (36 * 64)}
     )
     titles = [table.title for table in tables_of(evaluation)]
-    assert titles[-2:] == ["By class, within 80 m", "By group of classes, within 80 m"]
+    assert titles[-3:-1] == ["By class, within 80 m", "By group of classes, within 80 m"]
+    assert titles[-1].startswith("Error of small things by distance")
+    car = evaluation.as_json()["things"]["car"]
+    assert list(evaluation.as_json()["things"]) == ["car"]
+    assert car["80"] == car["20-30"] == pytest.approx({"mae": 4.0, "median": 4.0, "pixels": 10 * 64}, rel=0.005)
+    assert tables_of(evaluation)[-1].rows[2] == ("car, pixels", "640", "0", "0", "640", "0", "0")
+
+
+def stepped_sample(source="exact"):
+    """A pole of another depth in the middle of the image, before a wall; sky above."""
+    classes = np.full((48, 64), CLASS_NAMES.index("building"), np.uint8)
+    classes[:, 30:34] = CLASS_NAMES.index("pole")
+    sample = make_sample(20.0, classes=classes, source=source)
+    sample.depth_m[:, 30:34] = 12.0
+    sample.depth_m[:5] = np.inf
+    return sample
+
+
+def test_edges_of_exact_depth_are_measured_apart():
+    evaluation = evaluate_drive([stepped_sample()], result_of)
+    plain = json.loads(json.dumps(evaluation.as_json(), allow_nan=False))["edges"]
+    rows = {row[0]: row for row in tables_of(evaluation)[0].rows}
+    assert plain["away"]["80"]["mae"] == pytest.approx(1.0)
+    assert plain["80"]["mae"] > plain["50"]["frames"] == 1
+    assert 0 < plain["share"] < 1
+    assert rows["dense, near edges"][1] == f"{plain['50']['mae']:.2f}"
+    assert rows["dense, away from edges"][1] == "1.00"
+    assert f"{100 * plain['share']:.1f} % of the pixels within 80 m" in tables_of(evaluation)[0].note
+    details = next(table for table in tables_of(evaluation) if table.title == "All measures")
+    assert "dense, near edges, 70 m" in {row[0] for row in details.rows}
+
+
+@pytest.mark.parametrize("source", ["lidar", "none"])
+def test_without_exact_depth_there_are_no_edges(source):
+    evaluation = evaluate_drive([stepped_sample(source)], result_of)
+    assert evaluation.as_json()["edges"] is None
+    assert not [row[0] for table in tables_of(evaluation) for row in table.rows if "edges" in row[0]]
+    assert all("edges" not in table.note for table in tables_of(evaluation))
+
+
+def test_drives_apart_and_together_have_the_same_edges_and_things():
+    samples = [stepped_sample(), make_sample(25.0), stepped_sample()]
+    depths_m = {0: 21.0, 1: 30.0, 2: 15.0}
+    samples = [
+        dataclasses.replace(sample, frame=dataclasses.replace(sample.frame, stamp_ns=stamp_ns))
+        for stamp_ns, sample in enumerate(samples)
+    ]
+
+    def estimate(frame):
+        return result_of(frame, depths_m[frame.stamp_ns])
+
+    whole = evaluate_drives([Drive(samples, "a")], estimate).as_json()
+    parts = evaluate_drives([Drive(samples[:1], "a"), Drive(samples[1:], "b")], estimate).as_json()
+    assert whole["edges"] == parts["edges"]
+    assert whole["things"] == parts["things"]
+    assert whole["things"]["pole"]["80"]["pixels"] == 2 * 43 * 4
 
 
 def test_predictions_may_be_clipped_elsewhere():
@@ -266,7 +322,8 @@ def test_tables_say_what_was_measured():
     evaluation = evaluate_drive([make_sample(20.0), make_sample(60.0)], result_of)
     summary = tables_of(evaluation)[0]
     assert summary.columns == ("", "MAE 50", "MAE 70", "MAE 80", "RMSE 50", "RMSE 70", "RMSE 80")
-    assert [row[0] for row in summary.rows] == ["dense", "semi-dense", "geometry alone"]
+    dense = ("dense", "dense, near edges", "dense, away from edges")
+    assert [row[0] for row in summary.rows] == [*dense, "semi-dense", "geometry alone"]
     assert summary.rows[0][1:4] == ("1.00", "20.00", "20.00")
     facts = {fact.name: fact.value for fact in facts_of(evaluation)}
     assert facts["semi-dense coverage"] == "25.0 % of the pixels within 80 m"
