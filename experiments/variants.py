@@ -28,8 +28,10 @@ from radcam_depth_ros.cli.terminal.options import write_json
 SHIPPED = "as shipped"
 FORMS: dict[str, dict[str, Any]] = {
     SHIPPED: {},
-    "a depth for each 4 x 4 px": {"detail": 1},
-    "a depth for each pixel": {"detail": 4},
+    "no detail at half the size": {"full_size": False},
+    "no features of ImageNet": {"context": "none"},
+    "a depth for each 4 x 4 px": {"detail": 1, "full_size": False},
+    "a depth for each pixel": {"detail": 4, "full_size": False},
     "position attention exact": {"position_pool": [1, 1]},
     "no position attention": {"position_attention": False},
     "no attention, no bottom-up branch": {

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from radcam_depth_ros.cli.terminal.options import keep_apart, progress_bar
 
+if TYPE_CHECKING:
+    from radcam_depth_ros.simulation import SimulationConfig
+
 
 def simulate(
     out: Annotated[Path, typer.Argument(help="Bag to write: a folder, or a file that ends in .mcap.")],
     seed: Annotated[int, typer.Option(help="Random seed of the street, the drive and all noise.")] = 0,
-    frames: Annotated[int, typer.Option(help="Number of images.")] = 100,
+    frames: Annotated[int, typer.Option(help="Number of images of a drive.")] = 100,
+    drives: Annotated[
+        int | None,
+        typer.Option(help="Write so many drives, of SEED and the seeds after it, to OUT/SEED; those there are kept."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(help="Drives at once.", show_default="one for each core")] = None,
     config: Annotated[
         Path | None, typer.Option(help="Settings; the defaults are those of config/simulation.yaml.")
     ] = None,
@@ -22,6 +31,7 @@ def simulate(
     """Simulates a drive with camera, radars, LiDAR and odometry, with exact depth and classes of every image.
 
     Example: radcam-depth simulate out/drive --seed 7 --frames 20
+    Drives to train on: radcam-depth simulate drives/ --drives 500 --frames 8 --config config/training_drives.yaml
     """
     from radcam_depth_ros import configuration
     from radcam_depth_ros.frame import RadcamDepthError
@@ -37,6 +47,9 @@ def simulate(
     settings = (
         simulation.SimulationConfig() if config is None else configuration.load(simulation.SimulationConfig, config)
     )
+    if drives is not None or jobs is not None:
+        _many(settings, seed, frames, out, drives, jobs, overwrite)
+        return
     with progress_bar() as progress:
         task = progress.add_task("simulating", total=frames)
         simulation.simulate(
@@ -46,4 +59,28 @@ def simulate(
             out,
             overwrite=overwrite,
             progress=lambda done, total: progress.update(task, completed=done, total=total),
+        )
+
+
+def _many(
+    settings: SimulationConfig, seed: int, frames: int, out: Path, drives: int | None, jobs: int | None, overwrite: bool
+) -> None:
+    """Simulates several drives into a folder."""
+    from radcam_depth_ros import simulation
+
+    if drives is None:
+        raise simulation.SimulationError("--jobs is for several drives; say how many by --drives")
+    if out.suffix == ".mcap":
+        raise simulation.SimulationError(f"expected a folder for the bags of {drives} drives, got the file {out}")
+    jobs = len(os.sched_getaffinity(0)) if jobs is None else jobs
+    with progress_bar() as progress:
+        task = progress.add_task("simulating drives", total=drives)
+        simulation.simulate_drives(
+            settings,
+            range(seed, seed + drives),
+            frames,
+            out,
+            jobs,
+            overwrite=overwrite,
+            progress=lambda _: progress.advance(task),
         )

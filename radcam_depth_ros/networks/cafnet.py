@@ -171,7 +171,7 @@ class Cafnet(SinglePass):
     )
     backbones = ("image_encoder",)
     adjustable = ("threshold", "calibration")
-    grows = ("sky",)
+    grows = MappingProxyType({"sky": False})
     paper = MappingProxyType({"ground_prior": False, "sky": False})
 
     def __init__(self, config: CafnetConfig) -> None:

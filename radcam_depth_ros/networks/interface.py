@@ -76,6 +76,8 @@ class TrainOutputs(NamedTuple):
     `own_m` and `geometry_m` are the network's own depth and geometry's, between which the dense depth lies, and
     `sky_logit` is the logit of the sky, all (B, 1, h, w) likewise.
 
+    `group_logits` are those of the groups of classes, (B, groups, h, w) likewise.
+
     Parts of a network whose weights are fixed (`requires_grad` is False) give None: what does not learn has no loss.
     """
 
@@ -90,6 +92,7 @@ class TrainOutputs(NamedTuple):
     told_m: Tensor | None = None
     road_deviation: Tensor | None = None
     heard: Tensor | None = None
+    group_logits: Tensor | None = None
 
 
 class Network(nn.Module):
@@ -106,7 +109,8 @@ class Network(nn.Module):
         backbones: Names of the submodules that take the weights of public checkpoints.
         adjustable: Names of the config's values that no weight depends on: they may be changed after training.
         trained_like: Name of the network whose losses and recipe it is trained by; empty for its own.
-        grows: Names of the config's switches that add submodules, which weights without them can be trained on from.
+        grows: Names of the config's values that add submodules, which weights without them can be trained on from, and
+            what each is without.
         paper: Values of the config that make it the form of its paper, the reference of `radcam-depth bench`.
         paper_network: Name of the network that is this form, with the values of `paper`; empty for the network itself.
     """
@@ -118,7 +122,7 @@ class Network(nn.Module):
     backbones: ClassVar[tuple[str, ...]] = ()
     adjustable: ClassVar[tuple[str, ...]] = ()
     trained_like: ClassVar[str] = ""
-    grows: ClassVar[tuple[str, ...]] = ()
+    grows: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     paper: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     paper_network: ClassVar[str] = ""
 

@@ -200,7 +200,7 @@ class Lircdepth(SinglePass):
     )
     backbones = ("image_encoder",)
     adjustable = ("threshold", "calibration", "patch_px", "tolerance", "caution")
-    grows = ("sky",)
+    grows = MappingProxyType({"sky": False})
     paper = MappingProxyType({"ground_prior": False, "caution": 0.0, "sky": False})
     mean: Tensor
     deviation: Tensor

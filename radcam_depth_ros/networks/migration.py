@@ -64,9 +64,11 @@ def migrated(network: str, architecture: Mapping[str, Any]) -> tuple[str, dict[s
     return network, values
 
 
-_WITHOUT = {
-    "baff": {"geometry_mix": False},
-    "baseline": {"geometry_mix": False},
+_FORMER: Mapping[str, Any] = {"geometry_mix": False, "full_size": False, "hint": False, "context": "none"}
+
+_WITHOUT: Mapping[str, Mapping[str, Any]] = {
+    "baff": _FORMER,
+    "baseline": _FORMER,
     "lircdepth": {"sky": False},
     "cafnet": {"sky": False},
 }

@@ -1,5 +1,6 @@
 """Simulated drives: a street, a vehicle with camera, radars and LiDAR, and the bag of their measurements."""
 
+from radcam_depth_ros.simulation.drives import simulate_drives
 from radcam_depth_ros.simulation.materials.surfaces import Label
 from radcam_depth_ros.simulation.recording import simulate
 from radcam_depth_ros.simulation.settings.configuration import (
@@ -36,4 +37,5 @@ __all__ = [
     "Weather",
     "WorldConfig",
     "simulate",
+    "simulate_drives",
 ]

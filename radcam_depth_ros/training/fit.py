@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch.nn.utils import clip_grad_norm_
@@ -19,9 +20,8 @@ from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
 from radcam_depth_ros.training.data.batches import Batch, BatchMaker, SampleSet, prefetch
-from radcam_depth_ros.training.data.samples import TrainingSample
+from radcam_depth_ros.training.distributed import normalisation
 from radcam_depth_ros.training.distributed.gradients import share_gradients
-from radcam_depth_ros.training.distributed.normalisation import freeze_statistics, join_batch_norms
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.initial import Sources, blend, load_backbones, load_initial
@@ -32,7 +32,7 @@ from radcam_depth_ros.training.page import first_middle_last, panels_of, write_p
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
 from radcam_depth_ros.training.teacher import Teacher
-from radcam_depth_ros.training.validation import ValidationResult, platt_scaling, validate
+from radcam_depth_ros.training.validation import ValidationResult, platt_scaling, spread, validate
 
 CHECKPOINT = "last.pt"
 METRICS = "metrics.jsonl"
@@ -122,12 +122,12 @@ class Trainer:
             torch.set_num_threads(min(config.threads, torch.get_num_threads()))
         torch.manual_seed(config.seed)
         self.network = networks.create(network, config.architecture)
-        _check_parts(self.network, network, config)
+        config.require_parts(network, self.network.parts)
         self._criterion = Criterion.of(network, config.loss)
         for phase in config.phases:
             self._ranks.part_of(phase.batch)
-        self._validation = _spread(data.validation, config.validation.frames)
-        self._rehearsal = _spread(data.rehearsal_validation, config.validation.frames)
+        self._validation = spread(data.validation, config.validation.frames)
+        self._rehearsal = spread(data.rehearsal_validation, config.validation.frames)
         if sources.initial is not None and not resume:
             load_initial(self.network, network, sources.initial)
         if sources.backbones is not None and not resume:
@@ -135,8 +135,8 @@ class Trainer:
         self.network.to(self._precision.device)
         self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's annotation lacks it
         averaged = AveragedWeights(self.network, config.optimiser.average_decay)
-        if self._ranks.size > 1:
-            join_batch_norms(self.network, self._ranks)
+        if self._ranks.size > 1 and config.joint_norms:
+            normalisation.join_batch_norms(self.network, self._ranks)
         self._working = Working(self.network, averaged, optimiser_of(self.network, config.optimiser))
         if sources.initial is not None and config.initial_share > 0:
             self._working.initial.update(
@@ -231,7 +231,7 @@ class Trainer:
         batch = batch.to(self._precision.device)
         self._choose_parts(phase)
         with self._precision.autocast():
-            outputs = self.network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
+            outputs = _outputs_of(self.network, batch)
         total, parts = self._criterion(outputs, batch, self.network.config.max_depth_m, self._ranks)
         if self._teacher is not None:
             told, parts_told = self._teacher.loss(outputs, self._name, batch, self._ranks)
@@ -260,7 +260,7 @@ class Trainer:
             if name in self.network.parts:
                 part.train(name in learning).requires_grad_(name in learning)
         if self._config.freeze_statistics:
-            freeze_statistics(self.network)
+            normalisation.freeze_statistics(self.network)
 
     def _skip(self, loss: float) -> None:
         """Leaves the weights as they are after a gradient that is no number: one odd batch does not end a run."""
@@ -294,6 +294,8 @@ class Trainer:
             self.save()
 
     def _validate(self) -> None:
+        normalisation.share_statistics(self.network, self._ranks)
+        normalisation.share_statistics(self._working.averaged.network, self._ranks)
         network = self.judged()
         result, counts = validate(network, self._validation, self._precision, self._ranks)
         kinds, known = [counts], None
@@ -375,23 +377,14 @@ class Trainer:
         return min(progress, 1.0)
 
 
-def _spread(samples: SampleSet | None, count: int) -> list[TrainingSample]:
-    if samples is None:
-        return []
-    chosen = [samples[index] for index in samples.spread(count)]
-    if not any(((sample.depth_m > 0) & (sample.depth_m <= 80)).any() for sample in chosen):
+def _outputs_of(network: networks.Network, batch: Batch) -> Any:
+    try:
+        return network.train_outputs(batch.image, batch.radar, batch.valid, batch.ground)
+    except ValueError as error:
+        if "more than 1 value per channel" not in str(error):
+            raise
+        count, _, height, width = batch.image.shape
         raise TrainingError(
-            f"none of the {len(chosen)} frames to validate on has ground truth nearer than 80 m; give others with "
-            "--validation-bags"
-        )
-    return chosen
-
-
-def _check_parts(network: networks.Network, name: str, config: TrainingConfig) -> None:
-    for named in (*(phase.parts for phase in config.phases), config.optimiser.part_rates):
-        unknown = sorted(set(named) - set(network.parts))
-        if unknown:
-            raise TrainingError(
-                f"the recipe names {unknown[0]!r}, which is no part of {name}; its parts are "
-                f"{', '.join(network.parts) or 'not trained one by one'}"
-            )
+            f"{count} images of {height} x {width} pixels at once leave a batch norm a single value; give larger crops "
+            "or a larger batch in the recipe's phases"
+        ) from None

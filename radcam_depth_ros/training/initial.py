@@ -58,7 +58,7 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
         raise TrainingError(f"the weights of {source} are of {given.card.network!r}, not of {name!r}")
     mine, theirs = configuration.as_mapping(network.config), given.card.architecture
     for key, value in mine.items():
-        if key in network.grows and value and not theirs.get(key):
+        if key in network.grows and theirs.get(key) == network.grows[key]:
             continue
         if key not in network.adjustable and theirs.get(key) != value:
             raise TrainingError(

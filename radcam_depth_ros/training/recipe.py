@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -142,6 +142,8 @@ class TrainingConfig:
         augmentation: Augmentation.
         validation: Validation.
         rehearsal: What is repeated of a former training.
+        joint_norms: Batch norms go by the batches of all processes together, not by each one's part. It makes the
+            result that of a single process, and an iteration take nearly twice as long.
         freeze_statistics: Batch norms keep the statistics that they have, and learn their weights alone.
         initial_share: Share of the initial weights in those that are validated and shipped (WiSE-FT).
     """
@@ -164,6 +166,7 @@ class TrainingConfig:
     augmentation: AugmentationConfig
     validation: ValidationConfig
     rehearsal: RehearsalConfig
+    joint_norms: bool
     freeze_statistics: bool
     initial_share: float
 
@@ -179,6 +182,24 @@ class TrainingConfig:
                 "minutes must be above 0 and initial_share at least 0 and below 1, got "
                 f"{self.minutes} and {self.initial_share}"
             )
+
+    def require_parts(self, network: str, parts: Collection[str]) -> None:
+        """Refuses names of parts that a network does not have.
+
+        Args:
+            network: Its name.
+            parts: Names of its parts.
+
+        Raises:
+            TrainingError: for the first name that is none of them.
+        """
+        for named in (*(phase.parts for phase in self.phases), self.optimiser.part_rates):
+            unknown = sorted(set(named) - set(parts))
+            if unknown:
+                raise TrainingError(
+                    f"the recipe names {unknown[0]!r}, which is no part of {network}; its parts are "
+                    f"{', '.join(parts) or 'not trained one by one'}"
+                )
 
     def with_chosen_precision(self) -> TrainingConfig:
         """The same with `precision: auto` replaced by what it is here."""

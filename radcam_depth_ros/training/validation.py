@@ -14,9 +14,10 @@ import torch
 
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.networks import Network
-from radcam_depth_ros.training.data.batches import collate
+from radcam_depth_ros.training.data.batches import SampleSet, collate
 from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.distributed.ranks import Ranks
+from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.precision import Precision
 
 LIMITS_M = (50.0, 80.0)
@@ -175,3 +176,20 @@ def platt_scaling(kinds: Sequence[LogitCounts], former: tuple[float, float]) -> 
         values[0] = max(values[0], LEAST_SCALE)
     scale, offset = (float(value) for value in values)
     return scale * former[0], scale * former[1] + offset
+
+
+def spread(samples: SampleSet | None, count: int) -> list[TrainingSample]:
+    """`count` samples to validate on, evenly over all; none of None.
+
+    Raises:
+        TrainingError: when none of them has ground truth within 80 m.
+    """
+    if samples is None:
+        return []
+    chosen = [samples[index] for index in samples.spread(count)]
+    if not any(((sample.depth_m > 0) & (sample.depth_m <= 80)).any() for sample in chosen):
+        raise TrainingError(
+            f"none of the {len(chosen)} frames to validate on has ground truth nearer than 80 m; give others with "
+            "--validation-bags"
+        )
+    return chosen

@@ -239,7 +239,7 @@ def test_a_training_run_keeps_how_its_bags_are_read(
     first = write_drive(tmp_path / "drives" / "a.mcap", frames=2)
     shutil.copy(first, tmp_path / "drives" / "b.mcap")
     recipe = tmp_path / "recipe.yaml"
-    recipe.write_text("{iterations: 1, precision: float32, phases: [{share: 1.0, crops: [[64, 64]], batch: 1}]}")
+    recipe.write_text("{iterations: 1, precision: float32, phases: [{share: 1.0, crops: [[64, 64]], batch: 2}]}")
     file = write(radar_topics=["/radar/points"], max_time_offset_s=0.05, device="cuda", depth_encoding="16UC1")
     out = tmp_path / "run"
     words = ("--bags", tmp_path / "drives", "--out", out, "--config", recipe, "--processes", 1)

@@ -267,6 +267,7 @@ def test_without_the_ground_prior_the_road_is_ignored() -> None:
         ({"fusion": "magic"}, "unknown key fusion"),
         ({"position_pool": [4]}, "position_pool needs 2 whole numbers"),
         ({"detail": 3}, "detail must be 1, 2 or 4, got 3"),
+        ({"detail": 4}, "detail must be 2 with full_size: true, got 4"),
         ({"returns_per_cell": 0}, "at least 1"),
         ({"asociation": "regions"}, "did you mean association?"),
     ],
@@ -323,7 +324,7 @@ def test_a_pixel_knows_all_returns_where_there_are_few() -> None:
 @pytest.mark.parametrize("detail", [1, 2, 4])
 def test_geometry_alone_is_what_an_idle_head_gives(detail: int) -> None:
     """With a head that always takes the first candidate: the flat road, and the returns where they are closer."""
-    network = make_network("baff", {"detail": detail})
+    network = make_network("baff", {"detail": detail, "full_size": detail == 2})
     with torch.no_grad():
         network.get_parameter("fusion.head.1.weight").zero_()
         bias = network.get_parameter("fusion.head.1.bias").zero_()

@@ -50,3 +50,40 @@ def test_an_unknown_setting_is_named(app: typer.Typer, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, [str(tmp_path / "drive"), "--config", str(config)])
     assert isinstance(result.exception, RadcamDepthError)
     assert "width" in str(result.exception)
+
+
+def test_several_drives_are_written_and_those_that_are_there_are_kept(app: typer.Typer, tmp_path: Path) -> None:
+    config, out = tmp_path / "tiny.yaml", tmp_path / "drives"
+    config.write_text(TINY, encoding="utf-8")
+    options = [str(out), "--frames", "1", "--config", str(config), "--jobs", "1"]
+    result = CliRunner().invoke(app, [*options, "--seed", "4", "--drives", "1"])
+    assert result.exit_code == 0, result.output
+    written = (out / "4" / "metadata.yaml").stat().st_mtime_ns
+    result = CliRunner().invoke(app, [*options, "--seed", "4", "--drives", "2"])
+    assert result.exit_code == 0, result.output
+    assert "2/2" in result.stderr
+    assert sorted(path.name for path in out.iterdir()) == ["4", "5"]
+    assert (out / "4" / "metadata.yaml").stat().st_mtime_ns == written
+    CliRunner().invoke(app, [str(tmp_path / "alone"), "--seed", "5", "--frames", "1", "--config", str(config)])
+    with BagReader(out / "5") as several, BagReader(tmp_path / "alone") as alone:
+        assert [(topic.name, topic.count) for topic in several.topics] == [
+            (topic.name, topic.count) for topic in alone.topics
+        ]
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["drives", "--jobs", "2"], "say how many by --drives"),
+        (["drives.mcap", "--drives", "2"], "expected a folder for the bags of 2 drives"),
+        (["drives", "--drives", "0"], "expected at least 1 drive and 1 process, got 0 and"),
+        (["drives", "--drives", "2", "--jobs", "0"], "expected at least 1 drive and 1 process, got 2 and 0"),
+    ],
+)
+def test_several_drives_that_cannot_be_are_refused(
+    app: typer.Typer, tmp_path: Path, options: list[str], told: str
+) -> None:
+    result = CliRunner().invoke(app, [str(tmp_path / options[0]), *options[1:]])
+    assert isinstance(result.exception, RadcamDepthError)
+    assert told in str(result.exception)
+    assert not (tmp_path / options[0]).exists()

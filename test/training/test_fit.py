@@ -150,7 +150,7 @@ def test_parts_learn_at_their_own_rates(tmp_path: Path, data: TrainingData) -> N
     for factor in (0.0, 0.1, 1.0):
         optimiser = dataclasses.replace(CONFIG.optimiser, part_rates={"association": factor})
         config = dataclasses.replace(
-            CONFIG, iterations=1, phases=(PhaseConfig(1.0, ((64, 64),), 1),), optimiser=optimiser
+            CONFIG, iterations=1, phases=(PhaseConfig(1.0, ((64, 64),), 2),), optimiser=optimiser
         )
         states: list[Tensor] = []
         for steps in (0, 1):
@@ -354,3 +354,9 @@ def test_resuming_with_other_data_or_nothing_is_refused(tmp_path: Path, data: Tr
         checkpoint.write_bytes(b"no checkpoint")
     with pytest.raises(TrainingError, match="cannot be resumed"):
         run(data, tmp_path / "run", resume=True)
+
+
+def test_a_batch_that_leaves_a_norm_one_value_is_refused(tmp_path: Path, data: TrainingData) -> None:
+    config = dataclasses.replace(CONFIG, phases=(PhaseConfig(1.0, ((64, 64),), 1),))
+    with pytest.raises(TrainingError, match=r"1 images of 64 x 64 pixels at once .* give larger crops"):
+        run(data, tmp_path / "run", config, network="baff")

@@ -20,7 +20,7 @@ from radcam_depth_ros.training.recipe import FINE_TUNING, recipe_of
 
 RECIPE = {
     "iterations": 2,
-    "phases": [{"share": 1.0, "crops": [[64, 64]], "batch": 1}],
+    "phases": [{"share": 1.0, "crops": [[64, 64]], "batch": 2}],
     "validation": {"frames": 1},
 }
 

@@ -5,7 +5,9 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
+from radcam_depth_ros.networks.baff.detail import Detail
 from radcam_depth_ros.networks.baff.fusion import BidirectionalFusion, Gates, Refinement
 from radcam_depth_ros.networks.layers.blocks import ConvBlock, PlanarConv, Projection
 from radcam_depth_ros.networks.layers.rasterise import peak, support
@@ -30,20 +32,25 @@ class Choice(NamedTuple):
     confidence_logit: (B, 1, h detail, w detail).
     logits: (B, CANDIDATES, detail detail, h, w), of the candidates.
     bin_logits: (B, DEPTH_BINS, h, w), of the bins, which all parts of a pixel share.
+    bins_more: (B, 1, detail detail, h, w), what is added to all of them for a part.
     parts: (B, 3, detail detail, h, w), planes of the candidates that differ between the parts of a pixel.
     others: (B, 5, h, w), planes of the others.
     near: (B, 1, h detail, w detail), the nearest return, or the road where that is nearer.
     features: (B, channels, h, w), which the head chose by.
+    weights: (B, 16, h detail, w detail), logits of weights as `detail.enlarged` takes them; of no use without
+        `full_size`.
     """
 
     plane: Tensor
     confidence_logit: Tensor
     logits: Tensor
     bin_logits: Tensor
+    bins_more: Tensor
     parts: Tensor
     others: Tensor
     near: Tensor
     features: Tensor
+    weights: Tensor
 
 
 class DepthEncoder(nn.Module):
@@ -86,6 +93,7 @@ class QuarterFusion(nn.Module):
         channel_attention: CA.
         position_attention: PA.
         detail: Parts of a pixel along each axis.
+        full_size: Whether the choice is corrected at half the image's size, see `detail.Detail`; for 2 parts.
     """
 
     keeps_float32 = True  # the bins
@@ -100,6 +108,7 @@ class QuarterFusion(nn.Module):
         channel_attention: bool,
         position_attention: bool,
         detail: int,
+        full_size: bool,
     ) -> None:
         super().__init__()
         self.detail = detail
@@ -117,10 +126,13 @@ class QuarterFusion(nn.Module):
         # One weight of a bin for all parts of a pixel.
         bias = torch.cat([bias.flatten(), torch.zeros(DEPTH_BINS)])
         self.head = nn.Sequential(ConvBlock(channels[0], channels[0]), PlanarConv(channels[0], bias))
+        # Of each part: all that the head gives of it, and a logit for the bins together.
+        self.fine = Detail(channels[0], 3 + CANDIDATES) if full_size else None
         self.register_buffer("bins", torch.linspace(NEAREST_BIN, FARTHEST_BIN, DEPTH_BINS), persistent=False)
 
     def forward(
         self,
+        image: Tensor,
         maps: list[Tensor],
         features: Tensor,
         planes: Tensor,
@@ -131,6 +143,7 @@ class QuarterFusion(nn.Module):
         """Chooses the depth of each part of a pixel.
 
         Args:
+            image: (B, 3, H, W).
             maps: Of the image encoder.
             features: (B, features, h, w) of stage 1.
             planes: (B, 4, h, w): semi-dense depth, its probability, returns where they are, whether there is one.
@@ -152,11 +165,18 @@ class QuarterFusion(nn.Module):
         first_bin = raw.shape[1] - self.bins.shape[0]
         bin_logits = raw[:, first_bin:]
         raw = raw[:, :first_bin].reshape(batch, -1, self.detail * self.detail, rows, columns)
+        more = torch.zeros_like(raw[:, :1])
+        weights = bin_logits
+        if self.fine is not None:
+            finer, weights = self.fine(image, refined)
+            finer = functional.pixel_unshuffle(finer, self.detail)
+            finer = finer.reshape(batch, -1, self.detail * self.detail, rows, columns)
+            raw, more = raw + finer[:, :-1], finer[:, -1:]
         logits = raw[:, 2:]
         # The bins are as one more candidate, their mean, that weighs as much as they do together.
         bins = (torch.softmax(bin_logits, dim=1) * self.bins.reshape(1, -1, 1, 1)).sum(dim=1, keepdim=True)
-        together = torch.logsumexp(bin_logits, dim=1, keepdim=True).unsqueeze(2)
-        share = torch.softmax(torch.cat([logits, together.expand_as(logits[:, :1])], dim=1), dim=1)
+        together = torch.logsumexp(bin_logits, dim=1, keepdim=True).unsqueeze(2) + more
+        share = torch.softmax(torch.cat([logits, together], dim=1), dim=1)
         singles = torch.cat([others, bins], dim=1).unsqueeze(2)
         plane = raw[:, 0] + (share[:, :3] * parts).sum(dim=1) + (share[:, 3:] * singles).sum(dim=1)
         return Choice(
@@ -164,10 +184,12 @@ class QuarterFusion(nn.Module):
             self.spread(raw[:, 1:2]),
             logits,
             bin_logits,
+            more,
             parts,
             others,
             self.spread(parts[:, 2:]),
             refined,
+            weights,
         )
 
     def hypotheses(self, choice: Choice) -> tuple[Tensor, Tensor]:
@@ -175,7 +197,7 @@ class QuarterFusion(nn.Module):
         parts = self.detail * self.detail
         bins = self.bins.reshape(1, -1, 1, 1).expand_as(choice.bin_logits)
         others = torch.cat([choice.others, bins], dim=1).unsqueeze(2).expand(-1, -1, parts, -1, -1)
-        bin_logits = choice.bin_logits.unsqueeze(2).expand(-1, -1, parts, -1, -1)
+        bin_logits = choice.bin_logits.unsqueeze(2) + choice.bins_more
         logits = torch.cat([choice.logits, bin_logits], dim=1)
         return self.spread(logits), self.spread(torch.cat([choice.parts, others], dim=1))
 

@@ -4,13 +4,16 @@ Section and equation numbers in comments are those of [Electronics2025].
 """
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from radcam_depth_ros.classes import CLASS_GROUPS
 from radcam_depth_ros.networks.baff.association import FEATURES, OUTSIDE, EmbeddingAssociation, PointEncoder
+from radcam_depth_ros.networks.baff.detail import enlarged
 from radcam_depth_ros.networks.baff.geometry_mix import EMPHASIS, GeometryMix
 from radcam_depth_ros.networks.baff.ground_refinement import RoadDoubt, RoadVotes
 from radcam_depth_ros.networks.baff.head import Choice, QuarterFusion
@@ -18,7 +21,7 @@ from radcam_depth_ros.networks.baff.regions import RegionAssociation, check_regi
 from radcam_depth_ros.networks.baff.sky import SkyHead
 from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Association, Candidates, Depths, Network, TrainOutputs, learns
-from radcam_depth_ros.networks.layers.blocks import QuarterEncoder
+from radcam_depth_ros.networks.layers.blocks import PlanarConv, QuarterEncoder
 from radcam_depth_ros.networks.layers.caution import Caution, check_caution
 from radcam_depth_ros.networks.layers.heads import CalibratedConfidence
 from radcam_depth_ros.networks.layers.image_statistics import FrameStatistics
@@ -90,6 +93,9 @@ class BaffConfig(NetworkConfig):
         channels: At 1/4, 1/8, 1/16, 1/32.
         blocks: Residual blocks of the image encoder at each of these.
         detail: Parts along each axis for which a depth is chosen within 4 pixels: 4 is the image's size.
+        full_size: Correct the choice by a stem of the image at half its size, and enlarge the depth to the whole by
+            learned weights, see `detail.Detail`; detail must be 2. False is the form of older weights, as is a
+            `context` of `none`.
         bidirectional: The bottom-up branch (BF).
         channel_attention: CA.
         position_attention: PA.
@@ -99,6 +105,7 @@ class BaffConfig(NetworkConfig):
             training can start from ImageNet's.
         instance_norm: Levels of the image encoder, finest first, whose norms go by each image's own statistics.
         road: Correct the flat road by what the image shows, see `road.RoadVotes`.
+        hint: In training, tell the groups of classes of `classes.CLASS_GROUPS` as well, so that features know them.
     """
 
     association: str = "embedding"
@@ -112,14 +119,16 @@ class BaffConfig(NetworkConfig):
     channels: tuple[int, int, int, int] = (32, 64, 128, 192)
     blocks: tuple[int, int, int, int] = (1, 2, 2, 2)
     detail: int = 2
+    full_size: bool = True
     bidirectional: bool = True
     channel_attention: bool = True
     position_attention: bool = True
     position_pool: tuple[int, ...] = (16, 8)
     ground_prior: bool = True
     road: bool = True
+    hint: bool = True
     instance_norm: int = 2
-    context: str = "none"
+    context: str = "mobilenet_v2"
     focal_length_px: float = 630.0
 
     def __post_init__(self) -> None:
@@ -134,6 +143,8 @@ class BaffConfig(NetworkConfig):
         check_region_width(self.region_width_px)
         if self.detail not in (1, 2, 4):
             raise ArchitectureError(f"detail must be 1, 2 or 4, got {self.detail}")
+        if self.full_size and self.detail != 2:
+            raise ArchitectureError(f"detail must be 2 with full_size: true, got {self.detail}")
         if len(self.position_pool) != 2 or min(self.position_pool) < 1:
             raise ArchitectureError(f"position_pool needs 2 whole numbers from 1 on, got {self.position_pool}")
         if min(*self.channels, *self.blocks, self.returns_per_cell, self.embedding_dims) < 1:
@@ -147,9 +158,10 @@ class Baff(Network):
     about = "association, then attention fusion (Electronics 2025)"
     config_type = BaffConfig
     stride: Final[int] = STRIDE
-    parts = ("context", "encoder", "association", "road", "doubt", "fusion", "sky", "mix")
+    parts = ("context", "encoder", "association", "road", "doubt", "fusion", "hint", "sky", "mix")
     sections = (
         ("rasterise", "rasterise"),
+        ("ImageNet's features", "context"),
         ("image encoder", "encoder"),
         ("association", "association"),
         ("road", "road"),
@@ -159,12 +171,13 @@ class Baff(Network):
         *((f"attention 1/{16 >> index}", f"fusion.refinement.attention.{index}") for index in range(2)),
         *(("refinement", f"fusion.refinement.up.{index}") for index in range(2)),
         ("head", "fusion.head"),
+        ("detail", "fusion.fine"),
         ("sky", "sky"),
         ("mix with geometry", "mix"),
     )
     backbones = ("context",)
     adjustable = ("threshold", "calibration", "caution")
-    grows = ("geometry_mix",)
+    grows = MappingProxyType({"geometry_mix": False, "full_size": False, "context": "none", "hint": False})
     paper_network = "baff_paper"
 
     def __init__(self, config: BaffConfig) -> None:
@@ -199,7 +212,10 @@ class Baff(Network):
         has_road = config.road and config.ground_prior
         self.road = RoadVotes(config.channels) if has_road else None
         self.doubt = RoadDoubt() if has_road and config.geometry_mix else None
-        self.fusion = QuarterFusion(config.channels, features, config.position_pool, *ablation, config.detail)
+        self.fusion = QuarterFusion(
+            config.channels, features, config.position_pool, *ablation, config.detail, config.full_size
+        )
+        self.hint = PlanarConv(config.channels[0], torch.zeros(len(CLASS_GROUPS))) if config.hint else None
         self.sky = SkyHead(config.channels) if config.geometry_mix else None
         self.mix = GeometryMix(config.channels[0], config.detail) if config.geometry_mix else None
 
@@ -209,7 +225,7 @@ class Baff(Network):
         best, depth, features = self.association(image, maps, radar, valid)
         statistics = self.statistics(image, valid)
         roads = self._roads(maps, ground, statistics, image)
-        choice = self._choose(maps, features, best, depth, geometry, roads.used)
+        choice = self._choose(image, maps, features, best, depth, geometry, roads.used)
         return self._decide(image, maps, statistics, geometry, roads, best, depth, choice).depths
 
     @torch.jit.unused
@@ -231,7 +247,7 @@ class Baff(Network):
         others = (self.fusion, self.road, self.doubt, self.sky, self.mix)
         if not any(part is not None and learns(part) for part in others):
             return TrainOutputs(None, None, association, None, None)
-        choice = self._choose(maps, features, best, depth, geometry, roads.used)
+        choice = self._choose(image, maps, features, best, depth, geometry, roads.used)
         decision = self._decide(image, maps, statistics, geometry, roads, best, depth, choice)
         logits, planes = self.fusion.hypotheses(choice)
         outputs = TrainOutputs(
@@ -241,6 +257,8 @@ class Baff(Network):
             Candidates(logits, self._depth(planes)) if learns(self.fusion) else None,
             self._depth(roads.seen),
         )
+        if self.hint is not None and learns(self.hint):
+            outputs = outputs._replace(group_logits=self.hint(choice.features))
         if self.mix is None:
             return outputs
         return outputs._replace(
@@ -282,7 +300,14 @@ class Baff(Network):
         return road
 
     def _choose(
-        self, maps: list[Tensor], features: Tensor, best: Tensor, depth: Tensor, geometry: Geometry, road: Tensor
+        self,
+        image: Tensor,
+        maps: list[Tensor],
+        features: Tensor,
+        best: Tensor,
+        depth: Tensor,
+        geometry: Geometry,
+        road: Tensor,
     ) -> Choice:
         """Stage 2 at a quarter: the choice between depths."""
         rows = features.shape[2]
@@ -301,7 +326,7 @@ class Baff(Network):
         likely = torch.where(probability > 0.5, found, torch.zeros_like(found))
         known = torch.cat([likely, probability, geometry.drawn], dim=1)
         suggested = torch.cat([geometry.nearest, geometry.layers, found], dim=1)
-        choice: Choice = self.fusion(maps, features, known, road, suggested, geometry.profile)
+        choice: Choice = self.fusion(image, maps, features, known, road, suggested, geometry.profile)
         return choice
 
     def _decide(
@@ -341,8 +366,11 @@ class Baff(Network):
         if not self.training:
             plane = self.caution(plane, confidence_logit, near)
         size = (image.shape[2], image.shape[3])
-        if self.detail < self.stride:
+        if self.fusion.fine is not None:
+            plane = enlarged(plane, choice.weights)
+        elif self.detail < self.stride:
             plane = functional.interpolate(plane, size, mode="bilinear")
+        if self.detail < self.stride:
             confidence_logit = functional.interpolate(confidence_logit, size, mode="bilinear")
         semi_dense = functional.interpolate(semi_dense, size, mode="nearest")
         depths = Depths(self._depth(plane), semi_dense, self.calibrated(confidence_logit), None, sky)

@@ -2,6 +2,7 @@
 
 import torch
 from torch import Tensor, nn
+from torch.jit import is_scripting  # type: ignore[attr-defined]  # torch does not name it among its exports
 from torch.nn import functional
 
 from radcam_depth_ros.networks.layers.number_formats import InFloat32, RawConv2d
@@ -23,6 +24,11 @@ class InstanceNorm(nn.GroupNorm):
         super().__init__(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
+        # A batch norm of each image: 3 times as fast as a group norm in float32, 20 times in bfloat16.
+        # TorchScript does not compile what stands below `is_scripting`.
+        if not is_scripting():  # noqa: SIM102
+            if self.training:
+                return torch.cat([self._of_one(image) for image in torch.split(x, 1)])
         # No gradient passes through statistics that are given.
         if self.training or x.shape[0] != 1 or torch.is_grad_enabled():
             return functional.group_norm(x, self.num_groups, self.weight, self.bias, self.eps)
@@ -31,6 +37,11 @@ class InstanceNorm(nn.GroupNorm):
         # Of a channel that is all but constant, rounding may leave less than nothing, whose root is NaN.
         variance = ((values * values).mean(dim=(2, 3))[0] - mean * mean).clamp_min(0.0)
         return functional.batch_norm(x, mean, variance, self.weight, self.bias, False, 0.0, self.eps)
+
+    @torch.jit.unused
+    def _of_one(self, image: Tensor) -> Tensor:
+        """(1, C, H, W), normalised by its own statistics, in the layout that it has."""
+        return functional.batch_norm(image, None, None, self.weight, self.bias, True, 0.0, self.eps)
 
 
 def norm(channels: int, instance: bool) -> nn.Module:
@@ -134,7 +145,7 @@ class QuarterEncoder(nn.Module):
         planes: Planes at a quarter of the image's size that join the image there.
         channels: Channels at 1/4, 1/8, 1/16, 1/32.
         blocks: Residual blocks at each of these.
-        context: Channels of other maps of the image that join at 1/8, 1/16 and 1/32; none by default.
+        context: Channels of other maps of the image, which join at 1/8, 1/16, 1/32, and, from 1/64, at 1/32; or none.
         instance_norm: On how many levels, finest first, norms go by each image's own statistics, so that these levels
             carry none of the pictures that they were trained on: IBN-Net ([Pan2018]). From 1 on, the stem's, too.
     """
@@ -158,8 +169,12 @@ class QuarterEncoder(nn.Module):
             _level(channels[max(i - 1, 0)], channels[i], 1 if i == 0 else 2, blocks[i], i < instance_norm)
             for i in range(len(channels))
         )
-        joins = [nn.Identity(), *(Projection(width, channels[index + 1]) for index, width in enumerate(context))]
-        self.context = nn.ModuleList(joins if context else [nn.Identity() for _ in channels])
+        joins = [Projection(width, out) for width, out in zip(context, (*channels[1:], channels[-1]), strict=False)]
+        # 0 at first, so that training starts as without.
+        for join in joins:
+            nn.init.zeros_(join.get_parameter("1.weight"))
+        self.context = nn.ModuleList([nn.Identity(), *joins[:3]] if context else [nn.Identity() for _ in channels])
+        self.scene = joins[3] if context else None
 
     def forward(self, image: Tensor, planes: Tensor, context: list[Tensor]) -> list[Tensor]:
         """Takes (B, 3, H, W), (B, planes, H / 4, W / 4) float32 and the context to maps at 1/4, 1/8, 1/16, 1/32."""
@@ -169,6 +184,9 @@ class QuarterEncoder(nn.Module):
             x = level(x)
             if 0 < len(maps) <= len(context):
                 x = x + join(context[len(maps) - 1])
+            if len(maps) == 3 and self.scene is not None:
+                whole = self.scene(context[3])
+                x = x + functional.interpolate(whole, size=(x.shape[2], x.shape[3]), mode="nearest")
             maps.append(x)
         return maps
 

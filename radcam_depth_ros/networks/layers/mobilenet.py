@@ -65,28 +65,28 @@ class MobileNetV2(nn.Module):
 
 
 class ContextEncoder(MobileNetV2):
-    """ImageNet's features of the image at half its size: at 1/8, 1/16 and 1/32 of the image, 24, 32 and 96 channels.
+    """ImageNet's features of the image at half its size: at 1/8, 1/16, 1/32 and 1/64 of it, see `CHANNELS`.
 
     At the full size they would cost twice what all of `baff`'s encoder does; what a thing is shows at half of it.
     """
 
-    CHANNELS = (24, 32, 96)
+    CHANNELS = (24, 32, 96, 320)
     mean: Tensor
     deviation: Tensor
 
     def __init__(self) -> None:
-        super().__init__(groups=5)
+        super().__init__()
         self.register_buffer("mean", torch.tensor([0.485, 0.456, 0.406]).reshape(1, 3, 1, 1), persistent=False)
         self.register_buffer("deviation", torch.tensor([0.229, 0.224, 0.225]).reshape(1, 3, 1, 1), persistent=False)
 
     def forward(self, image: Tensor) -> list[Tensor]:
-        """Takes (B, 3, H, W), 0 to 1, to three maps, finest first."""
+        """Takes (B, 3, H, W), 0 to 1, H and W multiples of 32, to four maps, finest first; sizes are rounded up."""
         x = (nn.functional.avg_pool2d(image, 2) - self.mean) / self.deviation
         maps: list[Tensor] = []
         for index, layer in enumerate(self.features):
             x = layer(x)
-            # The last of the groups with 24, 32 and 96 channels.
-            if index == 3 or index == 6 or index == 13:
+            # The last of the groups with 24, 32, 96 and 320 channels.
+            if index == 3 or index == 6 or index == 13 or index == 17:
                 maps.append(x)
         return maps
 

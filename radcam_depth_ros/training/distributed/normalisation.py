@@ -1,4 +1,4 @@
-"""Batch norms in training: over the batches of all processes together, or with statistics that stay as they are."""
+"""Batch norms in training of several processes, and with statistics that stay as they are."""
 
 from __future__ import annotations
 
@@ -47,6 +47,21 @@ def join_batch_norms(network: nn.Module, ranks: Ranks) -> None:
         for name, child in module.named_children():
             if type(child) is nn.BatchNorm2d:
                 setattr(module, name, JointBatchNorm(child, ranks))
+
+
+@torch.no_grad()
+def share_statistics(network: nn.Module, ranks: Ranks) -> None:
+    """Gives all processes the mean of the running statistics of their batch norms."""
+    if ranks.size == 1:
+        return
+    norms = [module for module in network.modules() if isinstance(module, nn.BatchNorm2d)]
+    values = [value for norm in norms for value in (norm.running_mean, norm.running_var) if value is not None]
+    if not values:
+        return
+    # One vector, since each exchange costs time whatever its size.
+    means = ranks.add(torch.cat(values)) / ranks.size
+    for value, mean in zip(values, torch.split(means, [len(value) for value in values]), strict=True):
+        value.copy_(mean)
 
 
 def freeze_statistics(network: nn.Module) -> None:

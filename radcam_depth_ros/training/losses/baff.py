@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from radcam_depth_ros.classes import CLASS_NAMES, GROUP_OF_CLASS
 from radcam_depth_ros.networks import Association, Candidates, TrainOutputs
 from radcam_depth_ros.training.data.batches import Batch
 from radcam_depth_ros.training.distributed.ranks import Ranks
@@ -29,8 +30,15 @@ PARTS = (
     "confidence",
     "sky",
     "geometry",
+    "groups",
 )
 """Losses by name, as they are logged."""
+
+SMALL_THINGS = tuple(
+    CLASS_NAMES.index(name)
+    for name in ("pole", "traffic light", "traffic sign", "person", "rider", "motorcycle", "bicycle")
+)
+"""Training ids of what is thin or small and matters."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,9 @@ class LossConfig:
         ranges: Weight of the mean absolute error within 50 and 80 m, depths clipped to each, as they are measured.
         road_deviation: Weight of the likelihood of the corrected road's error, by the deviation that is told.
         abstention: Weight of the binary cross entropy of how much of the road's correction is made.
+        groups: Weight of the cross entropy of the groups of classes, where a network tells them in training.
+        small_things: How much more pixels of people, cycles, poles and signs count in the choice and the logarithm of
+            depth: they are few.
     """
 
     association: float
@@ -85,6 +96,8 @@ class LossConfig:
     ranges: float
     road_deviation: float
     abstention: float
+    groups: float
+    small_things: float
 
     def __post_init__(self) -> None:
         weights = (
@@ -104,6 +117,7 @@ class LossConfig:
             self.ranges,
             self.road_deviation,
             self.abstention,
+            self.groups,
         )
         if min(weights) < 0:
             raise TrainingError(f"loss weights must not be negative, got {min(weights)}")
@@ -113,10 +127,11 @@ class LossConfig:
             self.smooth_l1_beta_m,
             self.confidence_tolerance,
             self.choice_tolerance,
+            self.small_things,
         )
         if min(positive) <= 0:
             raise TrainingError(
-                "association_tolerance_m, choice_tolerance, positive_weight, smooth_l1_beta_m and "
+                "association_tolerance_m, choice_tolerance, positive_weight, smooth_l1_beta_m, small_things and "
                 f"confidence_tolerance must be positive, got {min(positive)}"
             )
 
@@ -149,20 +164,28 @@ def association_loss(association: Association, truth_m: Tensor, config: LossConf
 
 
 def choice_loss(
-    candidates: Candidates, truth_m: Tensor, max_depth_m: float, config: LossConfig, ranks: Ranks = ALONE
+    candidates: Candidates,
+    truth_m: Tensor,
+    weight: Tensor,
+    max_depth_m: float,
+    config: LossConfig,
+    ranks: Ranks = ALONE,
 ) -> Tensor:
     """Negative log likelihood of the depth, as a mixture of a Laplace distribution of log depth at each candidate.
 
     Args:
         candidates: What the network chooses between.
         truth_m: (B, 1, H, W) metres; NaN pixels do not count, +inf (sky) and what is beyond `max_depth_m` is there.
+        weight: (B, 1, H, W), of each pixel, see `thing_weight`.
         max_depth_m: Farthest depth that the network gives.
         config: `choice_tolerance`.
         ranks: As in `association_loss`.
     """
     truth = at_rows(truth_m, candidates.logits.shape[2])
     counts = ~torch.isnan(truth)
-    weight = torch.where(torch.isinf(truth), config.choice_sky, 1.0) * counts
+    stride = weight.shape[2] // truth.shape[2]
+    weight = weight[:, :, stride // 2 :: stride, stride // 2 :: stride]
+    weight = torch.where(torch.isinf(truth), config.choice_sky, weight) * counts
     truth = torch.log(torch.where(counts, truth, 1.0).clamp(0.1, max_depth_m))
     logits = candidates.logits.float()
     distance = (torch.log(candidates.depth_m) - truth).abs() / config.choice_tolerance
@@ -189,11 +212,36 @@ def dense_loss(
     return masked_mean(error, in_range, ranks) + config.sky * masked_mean(error, beyond, ranks)
 
 
-def log_depth_loss(dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Ranks = ALONE) -> Tensor:
+def log_depth_loss(
+    dense_m: Tensor, truth_m: Tensor, max_depth_m: float, ranks: Ranks = ALONE, weight: Tensor | None = None
+) -> Tensor:
     """Mean absolute difference of the logarithms, over the pixels with a surface in range; shapes as `dense_loss`."""
     in_range = (truth_m > 0) & (truth_m <= max_depth_m)
     difference = (torch.log(dense_m) - torch.log(torch.where(in_range, truth_m, 1.0))).abs()
-    return masked_mean(difference, in_range, ranks)
+    return masked_mean(difference, in_range if weight is None else in_range * weight, ranks)
+
+
+def thing_weight(classes: Tensor, factor: float) -> Tensor:
+    """(B, 1, H, W) float32 of (B, H, W) uint8 classes: `factor` for people, cycles, poles and signs, else 1."""
+    table = classes.new_ones(256, dtype=torch.float32)
+    table[list(SMALL_THINGS)] = factor
+    return table[classes.long()].unsqueeze(1)
+
+
+def group_loss(logits: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
+    """Cross entropy of the groups of classes.
+
+    Args:
+        logits: (B, groups, h, w), smaller than the image by a whole factor.
+        classes: (B, H, W) uint8; 255, unknown, does not count.
+        ranks: As in `association_loss`.
+    """
+    stride = classes.shape[1] // logits.shape[2]
+    label = classes[:, stride // 2 :: stride, stride // 2 :: stride].long()
+    known = label < len(GROUP_OF_CLASS)
+    group = torch.tensor(GROUP_OF_CLASS, device=label.device)[torch.where(known, label, 0)]
+    entropy = functional.cross_entropy(logits.float(), group, reduction="none")
+    return masked_mean(entropy, known, ranks)
 
 
 def confidence_loss(
@@ -272,8 +320,9 @@ def total_loss(
         parts["association"] = association_loss(outputs.association, accumulated_m, config, ranks)
         total = total + config.association * parts["association"]
     if outputs.depths is not None and outputs.confidence_logit is not None:
+        weight = thing_weight(batch.classes, config.small_things)
         if outputs.candidates is not None:
-            parts["choice"] = choice_loss(outputs.candidates, accumulated_m, max_depth_m, config, ranks)
+            parts["choice"] = choice_loss(outputs.candidates, accumulated_m, weight, max_depth_m, config, ranks)
         if outputs.road_m is not None:
             parts["road"] = road_loss(outputs.road_m, accumulated_m, batch, outputs.told_m, ranks)
         dense_m, logit = outputs.depths.dense.float(), outputs.confidence_logit.float()
@@ -286,7 +335,10 @@ def total_loss(
             logit, dense_m, accumulated_m, max_depth_m, config.confidence_tolerance, ranks
         )
         if config.log_depth > 0:
-            parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks)
+            parts["log_depth"] = log_depth_loss(dense_m, accumulated_m, max_depth_m, ranks, weight)
+        if outputs.group_logits is not None:
+            parts["groups"] = group_loss(outputs.group_logits, batch.classes, ranks)
+            total = total + config.groups * parts["groups"]
         if config.ranges > 0:
             parts["ranges"] = range_loss(dense_m, accumulated_m, ranks)
         total = total + config.choice * parts["choice"] + config.road * parts["road"] + config.single * single

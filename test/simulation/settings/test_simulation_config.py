@@ -24,6 +24,12 @@ def test_every_setting_of_the_shipped_file_is_explained() -> None:
     assert [line for line in lines if ":" in line and "#" not in line] == []
 
 
+def test_the_settings_of_drives_to_train_on_are_read() -> None:
+    config = configuration.load(SimulationConfig, SHIPPED.with_name("training_drives.yaml"))
+    assert config.key_frames
+    assert not config.lidar.enabled
+
+
 def test_part_of_the_settings_is_enough() -> None:
     config = configuration.build(SimulationConfig, {"world": {"street": "rural"}, "camera": {"rate_hz": 1}})
     assert config.world.street is StreetKind.RURAL

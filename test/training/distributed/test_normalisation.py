@@ -5,7 +5,12 @@ import copy
 import torch
 from torch import nn
 
-from radcam_depth_ros.training.distributed.normalisation import JointBatchNorm, freeze_statistics, join_batch_norms
+from radcam_depth_ros.training.distributed.normalisation import (
+    JointBatchNorm,
+    freeze_statistics,
+    join_batch_norms,
+    share_statistics,
+)
 from radcam_depth_ros.training.distributed.ranks import Ranks
 
 
@@ -45,3 +50,20 @@ def test_frozen_statistics_stay_while_weights_learn() -> None:
     assert torch.equal(network[0].running_mean, torch.zeros(2))
     assert network[0].weight.grad is not None
     assert network.training
+
+
+class Doubled(Ranks):
+    """As if a second process had three times the values."""
+
+    def add(self, values: torch.Tensor) -> torch.Tensor:
+        return values + 3 * values
+
+
+def test_running_statistics_become_the_mean_of_all_processes() -> None:
+    network = nn.Sequential(nn.BatchNorm2d(2), nn.Conv2d(2, 1, 1))
+    network[0].running_mean.copy_(torch.tensor([1.0, 2.0]))
+    share_statistics(network, Doubled(0, 2))
+    assert network[0].running_mean.tolist() == [2.0, 4.0]
+    assert network[0].running_var.tolist() == [2.0, 2.0]
+    share_statistics(network, Ranks())
+    assert network[0].running_mean.tolist() == [2.0, 4.0]

@@ -100,6 +100,7 @@ def test_two_processes_learn_what_one_does_with_the_joint_batch(
     config = dataclasses.replace(
         CONFIG,
         iterations=iterations,
+        joint_norms=True,
         precision="float32",
         log_every_iterations=1,
         phases=(PhaseConfig(1.0, ((64, 64),), 4),),

@@ -16,8 +16,10 @@ from radcam_depth_ros.training.losses.baff import (
     confidence_loss,
     dense_loss,
     geometry_loss,
+    group_loss,
     log_depth_loss,
     range_loss,
+    thing_weight,
     total_loss,
 )
 from radcam_depth_ros.training.losses.registry import Criterion
@@ -174,7 +176,7 @@ def choice(logits: list[float], depths_m: list[float], truth_m: float) -> float:
     """Loss of one pixel."""
     shape = (1, -1, 1, 1)
     candidates = Candidates(torch.tensor(logits).reshape(shape), torch.tensor(depths_m).reshape(shape))
-    return float(choice_loss(candidates, torch.full((1, 1, 1, 1), truth_m), 100.0, LOSS))
+    return float(choice_loss(candidates, torch.full((1, 1, 1, 1), truth_m), torch.ones(1, 1, 1, 1), 100.0, LOSS))
 
 
 def test_choice_is_a_cross_entropy_when_one_candidate_is_right() -> None:
@@ -191,6 +193,25 @@ def test_choice_counts_a_candidate_that_is_off_by_the_tolerance_as_one_in_e() ->
 def test_choice_takes_the_sky_for_the_farthest_depth_and_leaves_unknown_pixels_out() -> None:
     assert choice([20.0, -20.0], [100.0, 50.0], INF) == pytest.approx(0.0, abs=1e-5)
     assert choice([20.0, -20.0], [100.0, 50.0], NAN) == 0.0
+
+
+def test_small_things_count_more_in_the_logarithm_of_depth() -> None:
+    classes = torch.tensor([[[11, 0]]], dtype=torch.uint8)  # person, road
+    weight = thing_weight(classes, 3.0)
+    assert weight.flatten().tolist() == [3.0, 1.0]
+    dense, truth = torch.tensor([[[[20.0, 10.0]]]]), torch.full((1, 1, 1, 2), 10.0)
+    loss = log_depth_loss(dense, truth, 100.0, weight=weight)
+    assert float(loss) == pytest.approx(3 * math.log(2) / 4, rel=1e-5)
+
+
+def test_groups_are_a_cross_entropy_where_classes_are_known() -> None:
+    logits = torch.zeros(1, 3, 1, 2)
+    logits[0, 2, 0, 0] = 2.0
+    # Each cell of 4 x 4 pixels is that of its middle: a car, of the third group, and nothing that is known.
+    classes = torch.full((1, 4, 8), 255, dtype=torch.uint8)
+    classes[0, 2, 2] = 13
+    expected = math.log(math.exp(2.0) + 2) - 2.0
+    assert float(group_loss(logits, classes)) == pytest.approx(expected, rel=1e-5)
 
 
 def test_parts_that_do_not_learn_cost_nothing() -> None:

@@ -1,0 +1,38 @@
+"""`scripts/train_everything.sh`, with the two minutes that it takes at least."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from radcam_depth_ros.networks.weights_io import archive
+
+ROOT = Path(__file__).parents[1]
+SCRIPT = ROOT / "scripts" / "train_everything.sh"
+
+
+@pytest.mark.exhaustive
+@pytest.mark.timeout(1500)
+def test_two_minutes_give_weights_and_their_errors(tmp_path: Path) -> None:
+    out = tmp_path / "everything"
+    subprocess.run([str(SCRIPT), "2", str(out)], check=True, cwd=ROOT)
+    trained = archive.load(out / "mix" / "baff.safetensors")
+    assert trained.card.network == "baff"
+    errors = json.loads((out / "errors.json").read_text(encoding="utf-8"))
+    assert errors["frames"] == 8
+    assert errors["dense"]["80"]["mae"] > 0
+    # Started again it has nothing left to do but to measure.
+    before = {path: path.stat().st_mtime_ns for path in (out / "mix").iterdir()}
+    subprocess.run([str(SCRIPT), "2", str(out)], check=True, cwd=ROOT)
+    assert {path: path.stat().st_mtime_ns for path in (out / "mix").iterdir()} == before
+
+
+@pytest.mark.parametrize("minutes", ["1", "two", "-3"])
+def test_too_few_minutes_are_refused(minutes: str, tmp_path: Path) -> None:
+    run = subprocess.run([str(SCRIPT), minutes, str(tmp_path / "out")], capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert f"expected a whole number of minutes from 2 on, got '{minutes}'" in run.stderr
+    assert not (tmp_path / "out").exists()
