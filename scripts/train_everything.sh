@@ -90,7 +90,7 @@ PYTHON
     "${launch[@]}" -m radcam_depth_ros.cli train --network baff --out "$run" --cache "$out/cache" --processes "$cores" "${more[@]}"
     touch "$run/finished"
 }
-stage trunk 75 radcam_depth_ros/recipes/baff.yaml "${backbone[@]}"
+stage trunk 75 radcam_depth_ros/recipes/simulated.yaml "${backbone[@]}"
 stage mix 60 radcam_depth_ros/recipes/geometry_mix.yaml --init "$out/trunk/baff.safetensors"
 
 note "errors on drives that it has not seen"
