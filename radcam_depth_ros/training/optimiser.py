@@ -19,5 +19,4 @@ def optimiser_of(network: nn.Module, config: OptimiserConfig) -> torch.optim.Ada
         matrices, others = [p for p in parameters if p.ndim >= 2], [p for p in parameters if p.ndim < 2]
         groups.append({"params": matrices, "weight_decay": config.weight_decay, "factor": factor})
         groups.append({"params": others, "weight_decay": 0.0, "factor": factor})
-    # Fused: all of a weight's arithmetic at once, a quarter of the time.
-    return torch.optim.AdamW(groups, lr=config.learning_rate, fused=True)
+    return torch.optim.AdamW(groups, lr=config.learning_rate)

@@ -191,4 +191,4 @@ def test_check_calibration(printed: Callable[[], str]) -> None:
 
 def test_networks(printed: Callable[[], str]) -> None:
     networks()
-    check(printed(), ("baff", "lircdepth", "parameters: 3.28 M", "its weights were trained on: simulated drives"))
+    check(printed(), ("baff", "lircdepth", "parameters: 5.18 M", "its weights were trained on: simulated drives"))

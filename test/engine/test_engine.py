@@ -308,10 +308,13 @@ def test_a_given_number_of_threads_is_taken_whatever_else_runs(monkeypatch: pyte
 
 
 @pytest.mark.parametrize("precision", PRECISIONS[1:])
-def test_baffs_depth_is_the_same_to_the_digit_in_one_thread_and_in_two(
+def test_baffs_depth_is_the_same_in_one_thread_and_in_two_but_for_rounding(
     precision: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """So that a node on two cores gives the same depth whatever else runs on the computer."""
+    """So that a node on two cores gives the same depth whatever else runs on the computer.
+
+    oneDNN sums up the widest layers of ImageNet's features in parts that go by the number of threads.
+    """
     engine = Engine(archive.load("baff").network, precision=precision)
     monkeypatch.setattr(engine, "_budget", Budget(1, 2, 1))
     given = frame(224, 416, 60)  # large enough for torch's group norm to differ
@@ -319,4 +322,8 @@ def test_baffs_depth_is_the_same_to_the_digit_in_one_thread_and_in_two(
     assert torch.isfinite(one.dense).all()
     for other in others:
         for expected, result in zip(one[:3], other[:3], strict=True):
-            torch.testing.assert_close(result, expected, rtol=0, atol=0, equal_nan=True)
+            if precision == "float32":
+                torch.testing.assert_close(result, expected, rtol=2e-5, atol=2e-5, equal_nan=True)
+            else:
+                apart = ((result - expected).abs() / expected.abs()).nan_to_num()
+                assert float(apart.flatten().quantile(0.95)) < 0.01

@@ -132,7 +132,7 @@ def ablate(tmp_path: Path, write_drive: Callable[..., Path], monkeypatch: pytest
     words = ["ablation"]
     for option, name in (("--bags", "train"), ("--validation-bags", "validation"), ("--test-bags", "1000000")):
         words += [option, str(write_drive(tmp_path / f"{name}.mcap", frames=2))]
-    words += ["--iterations", "1", "--batch", "1", "--crop", "64x64", "--frames", "2", "--returns", "2"]
+    words += ["--iterations", "1", "--batch", "2", "--crop", "64x64", "--frames", "2", "--returns", "2"]
     words += ["--out", str(tmp_path / "out"), "--time-returns"]
 
     def run(*more: str) -> Any:

@@ -217,8 +217,9 @@ EXPORTED = [
 @pytest.mark.timeout(400)  # the exporter takes its time, on a busy machine more
 @pytest.mark.parametrize("network", EXPORTED, indirect=True)
 def test_export_with_dynamic_height_width_and_number_of_returns(network: Network) -> None:
-    height, width = (32 * torch.export.Dim(name, min=2, max=60) for name in ("height", "width"))
+    height, width = (32 * torch.export.Dim(name, min=3, max=60) for name in ("height", "width"))
     count = torch.export.Dim("count", min=0, max=4096)
+    # From 96 pixels on: torch.export takes a size of 1, which 64 pixels have at 1/64, for fixed.
     # torch's cache of operators costs a third of the time where almost each one has a size of its own.
     with warnings.catch_warnings(), torch._dynamo.config.patch(fake_tensor_cache_enabled=False):
         # Its own exporter still warns of its own internals.
@@ -228,7 +229,7 @@ def test_export_with_dynamic_height_width_and_number_of_returns(network: Network
             make_inputs(2, 128, 192, 20),
             dynamic_shapes={"image": {2: height, 3: width}, "radar": {1: count}, "valid": {1: count}, "ground": {}},
         ).module()
-    for other in (make_inputs(2, 96, 160, 0), make_inputs(2, 64, 64, 33)):
+    for other in (make_inputs(2, 96, 160, 0), make_inputs(2, 96, 96, 33)):
         with torch.inference_mode():
             for a, b in zip(network(*other), exported(*other), strict=True):
                 torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)

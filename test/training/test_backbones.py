@@ -137,7 +137,7 @@ def test_another_resnets_file_is_refused(tmp_path: Path) -> None:
 
 def test_a_network_without_a_backbone_says_so() -> None:
     with pytest.raises(TrainingError, match=r"set architecture\.context: mobilenet_v2"):
-        load_backbones(networks.create("baff", {}), "imagenet")
+        load_backbones(networks.create("baff", {"context": "none"}), "imagenet")
 
 
 def test_weights_that_are_not_installed_are_named(monkeypatch: pytest.MonkeyPatch, network: networks.Network) -> None:

@@ -183,9 +183,9 @@ class QuarterEncoder(nn.Module):
         for level, join in zip(self.levels, self.context, strict=False):
             x = level(x)
             if 0 < len(maps) <= len(context):
-                x = x + join(context[len(maps) - 1])
+                x = x + join(context[len(maps) - 1].to(x.dtype))
             if len(maps) == 3 and self.scene is not None:
-                whole = self.scene(context[3])
+                whole = self.scene(context[3].to(x.dtype))
                 x = x + functional.interpolate(whole, size=(x.shape[2], x.shape[3]), mode="nearest")
             maps.append(x)
         return maps

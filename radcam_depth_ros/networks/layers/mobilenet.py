@@ -67,7 +67,8 @@ class MobileNetV2(nn.Module):
 class ContextEncoder(MobileNetV2):
     """ImageNet's features of the image at half its size: at 1/8, 1/16, 1/32 and 1/64 of it, see `CHANNELS`.
 
-    At the full size they would cost twice what all of `baff`'s encoder does; what a thing is shows at half of it.
+    At the full size they would cost twice what all of `baff`'s encoder does; what a thing is shows at half of it. It
+    keeps float32: in bfloat16 its narrow layers are most of what separates the depths of two formats.
     """
 
     CHANNELS = (24, 32, 96, 320)
@@ -78,10 +79,12 @@ class ContextEncoder(MobileNetV2):
         super().__init__()
         self.register_buffer("mean", torch.tensor([0.485, 0.456, 0.406]).reshape(1, 3, 1, 1), persistent=False)
         self.register_buffer("deviation", torch.tensor([0.229, 0.224, 0.225]).reshape(1, 3, 1, 1), persistent=False)
+        for module in self.modules():
+            module.keeps_float32 = True  # type: ignore[assignment]  # a flag that `convert` looks for
 
     def forward(self, image: Tensor) -> list[Tensor]:
         """Takes (B, 3, H, W), 0 to 1, H and W multiples of 32, to four maps, finest first; sizes are rounded up."""
-        x = (nn.functional.avg_pool2d(image, 2) - self.mean) / self.deviation
+        x = (nn.functional.avg_pool2d(image.float(), 2) - self.mean) / self.deviation
         maps: list[Tensor] = []
         for index, layer in enumerate(self.features):
             x = layer(x)

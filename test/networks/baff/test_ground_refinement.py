@@ -115,7 +115,7 @@ def test_the_shipped_network_keeps_an_assumed_height_where_the_picture_tells_not
     with torch.inference_mode():
         valid = torch.ones(1, returns, dtype=torch.bool)
         geometry = network.rasterise(radar, valid, ground, height, width)
-        maps = network.encoder(image, geometry.prior, [])
+        maps = network.encoder(image, geometry.prior, network._context(image))
         heard, _ = network.doubt(network.statistics(image, valid))
         ((a, b, c, _),) = network.road(maps, ground, heard)[0].tolist()
     middle = c + a * (width - 1) / 2 + b * (height - 1) / 2
