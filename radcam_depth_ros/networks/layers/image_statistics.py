@@ -67,7 +67,7 @@ def _mean(x: Tensor) -> Tensor:
 
 def _deviation(x: Tensor) -> Tensor:
     """Standard deviation, as `_mean` takes means."""
-    pixels = x.numel() // x.shape[0]
+    pixels = x.flatten(1).shape[1]
     away = x.flatten(1) - _mean(x).unsqueeze(1)
     return torch.sqrt(_mean((away * away).reshape(x.shape)) * (pixels / max(pixels - 1, 1)))
 
