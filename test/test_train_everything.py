@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / "scripts" / "train_everything.sh"
 
 
-@pytest.mark.exhaustive
+@pytest.mark.endurance
 @pytest.mark.timeout(1500)
 def test_two_minutes_give_weights_and_their_errors(tmp_path: Path) -> None:
     out = tmp_path / "everything"
