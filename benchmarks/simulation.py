@@ -11,61 +11,37 @@ import argparse
 import dataclasses
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 import yaml
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.clocks import clocks
 from radcam_depth_ros import configuration
+from radcam_depth_ros.bags import BagWriter
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.simulation import SimulationConfig, recording, simulate
+from radcam_depth_ros.simulation.sensors.camera_unit import CameraUnit
+from radcam_depth_ros.simulation.world.world import World
 
 # What the recording calls, by the part that it belongs to; `surroundings` are built on the way, when the vehicle moves.
 _PARTS = {
-    "world": "World.__init__",
-    "image": "render",
-    "development": "CameraUnit.develop",
-    "radar": "sweep_radar",
-    "imaging_radar": "sweep_imaging_radar",
-    "lidar": "sweep_lidar",
-    "surroundings": "World.scene_at",
-    "writing": "BagWriter.write",
+    "world": (World, "__init__"),
+    "image": (recording, "render"),
+    "development": (CameraUnit, "develop"),
+    "radar": (recording, "sweep_radar"),
+    "imaging_radar": (recording, "sweep_imaging_radar"),
+    "lidar": (recording, "sweep_lidar"),
+    "surroundings": (World, "scene_at"),
+    "writing": (BagWriter, "write"),
 }
-
-
-@contextmanager
-def clocks() -> Iterator[dict[str, float]]:
-    """Seconds spent in each part inside the block."""
-    spent = dict.fromkeys(_PARTS, 0.0)
-
-    def timed(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*args: Any, **options: Any) -> Any:
-            start = time.perf_counter()
-            try:
-                return function(*args, **options)
-            finally:
-                spent[part] += time.perf_counter() - start
-
-        return run
-
-    with ExitStack() as stack:
-        for part, name in _PARTS.items():
-            owner, _, attribute = name.rpartition(".")
-            place = getattr(recording, owner) if owner else recording
-            function = getattr(place, attribute)
-            stack.enter_context(mock.patch.object(place, attribute, timed(part, function)))
-        yield spent
 
 
 def measure(config: SimulationConfig, seeds: range, frames: int) -> dict[str, float]:
     """Frames a minute, and milliseconds a frame of each part."""
-    with tempfile.TemporaryDirectory() as folder, clocks() as spent:
+    with tempfile.TemporaryDirectory() as folder, clocks(_PARTS) as spent:
         start = time.perf_counter()
         for seed in track(seeds, "simulating"):
             simulate(config, seed, frames, Path(folder) / f"{seed}.mcap")

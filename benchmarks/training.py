@@ -15,12 +15,9 @@ import subprocess  # nosec B404  # this module again, as the processes that trai
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import torch
@@ -28,6 +25,7 @@ from rich.console import Console
 from rich.table import Table
 from torch.utils.flop_counter import FlopCounterMode
 
+from benchmarks.clocks import clocks
 from radcam_depth_ros import configuration, networks
 from radcam_depth_ros.benchmarking.machine import CONVOLUTION, Machine, best_gflops, probes
 from radcam_depth_ros.benchmarking.rotation import Schedule, in_rotation
@@ -67,27 +65,6 @@ class _Silent:
         """Nothing."""
 
 
-@contextmanager
-def clocks() -> Iterator[dict[str, float]]:
-    """Seconds spent in each part inside the block."""
-    spent = dict.fromkeys(_PARTS, 0.0)
-
-    def timed(part: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*args: Any, **options: Any) -> Any:
-            start = time.perf_counter()
-            try:
-                return function(*args, **options)
-            finally:
-                spent[part] += time.perf_counter() - start
-
-        return run
-
-    with ExitStack() as stack:
-        for part, (owner, name) in _PARTS.items():
-            stack.enter_context(mock.patch.object(owner, name, timed(part, getattr(owner, name))))
-        yield spent
-
-
 def samples_of(folder: Path, network: str) -> SampleSet:
     """Key frames of a simulated drive, made in `folder` or found there."""
     bag = folder / "drive"
@@ -122,7 +99,7 @@ def work(
             trainer._iterate(batch, phase)
         times, parts = [], []
         for _ in range(rounds):
-            with clocks() as spent:
+            with clocks(_PARTS) as spent:
                 started = time.perf_counter()
                 trainer._iterate(batch, phase)
                 times.append(time.perf_counter() - started)

@@ -143,7 +143,7 @@ class TrainingConfig:
         validation: Validation.
         rehearsal: What is repeated of a former training.
         joint_norms: Batch norms go by the batches of all processes together, not by each one's part. It makes the
-            result that of a single process, and an iteration take nearly twice as long.
+            result that of a single process, and an iteration take longer.
         freeze_statistics: Batch norms keep the statistics that they have, and learn their weights alone.
         initial_share: Share of the initial weights in those that are validated and shipped (WiSE-FT).
     """

@@ -24,7 +24,7 @@ class InstanceNorm(nn.GroupNorm):
         super().__init__(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        # A batch norm of each image: 3 times as fast as a group norm in float32, 20 times in bfloat16.
+        # A batch norm of each image: its gradient is much faster than a group norm's, above all in bfloat16.
         # TorchScript does not compile what stands below `is_scripting`.
         if not is_scripting():  # noqa: SIM102
             if self.training:

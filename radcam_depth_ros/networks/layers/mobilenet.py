@@ -39,10 +39,9 @@ class InvertedResidual(nn.Module):
 
 
 class MobileNetV2(nn.Module):
-    """The blocks of MobileNetV2 up to some stride.
+    """The blocks of MobileNetV2.
 
     Args:
-        groups: How many groups of `SETTINGS`: 7 are all, 5 end at a stride of 16.
         in_channels: Of the input.
 
     Attributes:
@@ -53,11 +52,11 @@ class MobileNetV2(nn.Module):
     checkpoint = "mobilenet_v2"
     left_out = ("features.", "classifier.")
 
-    def __init__(self, groups: int = 7, in_channels: int = 3) -> None:
+    def __init__(self, in_channels: int = 3) -> None:
         super().__init__()
         layers: list[nn.Module] = [ConvNormRelu(in_channels, 32, stride=2)]
         channels = 32
-        for widening, width, count, stride in SETTINGS[:groups]:
+        for widening, width, count, stride in SETTINGS:
             for index in range(count):
                 layers.append(InvertedResidual(channels, width, stride if index == 0 else 1, widening))
                 channels = width
