@@ -180,7 +180,7 @@ SCRIPTS = [
 @pytest.mark.parametrize("folder", ["benchmarks", "experiments"])
 def test_each_module_of_scripts_is_named_on_their_page(folder: str) -> None:
     modules = {path.stem for path in (ROOT / folder).glob("*.py")} - {"__init__"}
-    parts = {"fuzz_messages", "memory", "soak_figures"}  # of the scripts that import them
+    parts = {"clocks", "fuzz_messages", "memory", "soak_figures"}  # of the scripts that import them
     page = TEXTS[f"{folder}/README.md"]
     assert {name for name in modules - parts if not re.search(rf"`(?:python -m {folder}\.)?{name}\b", page)} == set()
 
