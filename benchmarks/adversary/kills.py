@@ -32,7 +32,7 @@ _RECIPE = {
     "iterations": 4,
     "precision": "float32",
     "threads": 1,
-    "phases": [{"share": 1.0, "crops": [[64, 64]], "batch": 1}],
+    "phases": [{"share": 1.0, "crops": [[64, 128]], "batch": 1}],
     "optimiser": {"warm_up_iterations": 1},
     "validation": {"every_iterations": 2, "frames": 1},
 }

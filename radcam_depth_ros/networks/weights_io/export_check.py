@@ -117,7 +117,10 @@ def _by_torch(content: bytes) -> dict[str, bytes]:
 
 def _check_pickle(data: bytes) -> None:
     try:
-        for opcode, argument, _ in pickletools.genops(data):
+        for count, (opcode, argument, _) in enumerate(pickletools.genops(data)):
+            # torch makes room for all numbers up to this one: a few bytes would take 10 GB.
+            if opcode.name in ("PUT", "BINPUT", "LONG_BINPUT") and not 0 <= int(argument or 0) <= count:
+                raise ExportError(f"one of its pickles remembers its value {count} as number {argument}")
             if opcode.name == "GLOBAL" and not _GLOBAL.fullmatch(_joined(str(argument))):
                 raise ExportError(f"one of its pickles makes {str(argument)!r}, which is neither a tensor nor its own")
             if opcode.name in ("STACK_GLOBAL", "INST", "EXT1", "EXT2", "EXT4"):

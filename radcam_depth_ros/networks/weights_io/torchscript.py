@@ -69,7 +69,7 @@ def load(path: Path, content: bytes) -> Archive:
         check_graph(module)
     except ExportError as fault:
         raise ArchiveError(f"{path} is not read: {fault}; make it anew with `radcam-depth export`") from None
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, MemoryError) as error:  # of memory: a damaged number asks torch for too much
         reason = str(error).splitlines()[0]
         raise ArchiveError(
             f"{path} is neither .safetensors nor a TorchScript file that can be read ({reason}); make one with "

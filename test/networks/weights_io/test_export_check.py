@@ -171,6 +171,15 @@ def test_archives_that_no_export_is(
     assert reason in refused(change(export), tmp_path, monkeypatch)
 
 
+@pytest.mark.parametrize("number", [1_000, 2**31 - 1, 2**32 - 1])
+def test_a_pickle_does_not_make_torch_take_gigabytes(number: int, export: bytes) -> None:
+    files = entries(export)
+    name = next(name for name in files if name.endswith("/constants.pkl"))
+    files[name] = b"\x80\x02)r" + number.to_bytes(4, "little") + b"."
+    with pytest.raises(ExportError, match=f"remembers its value 2 as number {number}"):
+        check_export(packed(files))
+
+
 @pytest.mark.parametrize("what", ["cos\nsystem\n", "c__torch__.torch.classes.a\nB\n", "cbuiltins\neval\n"])
 def test_pickles_that_make_anything_but_tensors(what: str, export: bytes) -> None:
     files = entries(export)
