@@ -47,6 +47,7 @@ class LircdepthConfig(NetworkConfig):
         tolerance: How far a return's depth may be off the dense depth of such a pixel, as a share of it.
         ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
+        familiar: Share of sure pixels from which on depths of a picture do not lean, see `caution`. 0: of no picture.
         sky: Tell the sky, by a head of its own.
     """
 
@@ -55,11 +56,12 @@ class LircdepthConfig(NetworkConfig):
     tolerance: float = 0.1
     ground_prior: bool = True
     caution: float = 0.7
+    familiar: float = 0.38
     sky: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_caution(self.caution)
+        check_caution(self.caution, self.familiar)
         check_patch(self.patch_px)
         if not 0 < self.tolerance < 1:
             raise ArchitectureError(f"tolerance must lie between 0 and 1, got {self.tolerance}")
@@ -199,7 +201,7 @@ class Lircdepth(SinglePass):
         ("sky", "sky"),
     )
     backbones = ("image_encoder",)
-    adjustable = ("threshold", "calibration", "patch_px", "tolerance", "caution")
+    adjustable = ("threshold", "calibration", "patch_px", "tolerance", "caution", "familiar")
     grows = MappingProxyType({"sky": False})
     paper = MappingProxyType({"ground_prior": False, "caution": 0.0, "sky": False})
     mean: Tensor
@@ -221,7 +223,7 @@ class Lircdepth(SinglePass):
         self.radar_affinity = Affinity(PyramidEncoder.CHANNELS, RADAR_CHANNELS)
         prior = GroundPrior(IMAGE_CHANNELS[4], config.min_depth_m, config.max_depth_m)
         self.ground = prior if config.ground_prior else None
-        cautious = CautiousDepth(config.caution, config.min_depth_m, config.max_depth_m)
+        cautious = CautiousDepth(config.caution, config.familiar, config.min_depth_m, config.max_depth_m)
         self.cautious = cautious if config.caution > 0 else None
         self.decoder = Decoder(2 if config.ground_prior else 1)
         self.confidence = Float32Conv2d(FINAL_WIDTH, 1, 3, padding=1)

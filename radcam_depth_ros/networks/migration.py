@@ -19,6 +19,7 @@ NOT_IN_PAPER = (
     "context",
     "detail",
     "embedding_dims",
+    "familiar",
     "fusion",
     "ground_prior",
     "instance_norm",
@@ -64,12 +65,19 @@ def migrated(network: str, architecture: Mapping[str, Any]) -> tuple[str, dict[s
     return network, values
 
 
-_FORMER: Mapping[str, Any] = {"geometry_mix": False, "full_size": False, "hint": False, "context": "none"}
+_FORMER: Mapping[str, Any] = {
+    "geometry_mix": False,
+    "full_size": False,
+    "hint": False,
+    "context": "none",
+    "familiar": 0.0,
+}
 
 _WITHOUT: Mapping[str, Mapping[str, Any]] = {
     "baff": _FORMER,
     "baseline": _FORMER,
-    "lircdepth": {"sky": False},
+    "lircdepth": {"sky": False, "familiar": 0.0},
+    "structured": {"familiar": 0.0},
     "cafnet": {"sky": False},
 }
 """Values of keys that the cards of earlier versions lack."""

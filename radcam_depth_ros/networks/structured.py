@@ -46,6 +46,7 @@ class StructuredConfig(NetworkConfig):
         joined_channels: Of both branches together at 1/32, from which on decoders halve them four times.
         ground_prior: Take the flat road's depth as an input, and as a depth that each decoder may take.
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
+        familiar: Share of sure pixels from which on depths of a picture do not lean, see `caution`. 0: of no picture.
         threshold: tau, from which on a pixel near a return has a semi-dense depth: the confidence, less where coarse
             and dense depth differ.
     """
@@ -57,11 +58,12 @@ class StructuredConfig(NetworkConfig):
     joined_channels: int = 192
     ground_prior: bool = True
     caution: float = 0.7
+    familiar: float = 0.38
     threshold: float = 0.25
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_caution(self.caution)
+        check_caution(self.caution, self.familiar)
         if self.fusion not in FUSIONS:
             raise ArchitectureError(f"fusion must be one of {', '.join(FUSIONS)}, got {self.fusion!r}")
         if self.backbone not in BLOCKS:
@@ -141,7 +143,7 @@ class Structured(SinglePass):
         ("confidence", "confidence"),
     )
     backbones = ("image_encoder",)
-    adjustable = ("threshold", "calibration", "caution")
+    adjustable = ("threshold", "calibration", "caution", "familiar")
     paper = MappingProxyType(
         {"fusion": "seg", "backbone": "resnet34", "joined_channels": 256, "ground_prior": False, "caution": 0.0}
     )
@@ -170,7 +172,7 @@ class Structured(SinglePass):
         count = 1 if config.fusion == "single" else len(CLASS_GROUPS)
         prior = GroundPrior(width, config.min_depth_m, config.max_depth_m)
         self.ground = prior if config.ground_prior else None
-        cautious = CautiousDepth(config.caution, config.min_depth_m, config.max_depth_m)
+        cautious = CautiousDepth(config.caution, config.familiar, config.min_depth_m, config.max_depth_m)
         self.cautious = cautious if config.caution > 0 else None
         values = 1 + int(self.weighs) + int(config.ground_prior)
         self.decoders = nn.ModuleList(UpDecoder(width, values) for _ in range(count))

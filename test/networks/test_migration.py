@@ -66,7 +66,14 @@ def test_a_card_of_the_papers_form_is_read_as_its_network(tmp_path: Path) -> Non
 
 def test_a_card_with_old_keys_is_read(tmp_path: Path) -> None:
     old = {"fusion": "quarter", "considered": 5}
-    without = {"returns_per_cell": 5, "geometry_mix": False, "full_size": False, "hint": False, "context": "none"}
+    without = {
+        "returns_per_cell": 5,
+        "geometry_mix": False,
+        "full_size": False,
+        "hint": False,
+        "context": "none",
+        "familiar": 0.0,
+    }
     path = save(tmp_path, "baseline", without, "baseline", old)
     with pytest.warns(ArchitectureWarning, match="considered is called returns_per_cell now"):
         loaded = archive.load(path)

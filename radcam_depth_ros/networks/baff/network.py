@@ -85,6 +85,7 @@ class BaffConfig(NetworkConfig):
             the sky. A road that is told is then never corrected. False is the form of older weights.
         caution: Where the confidence is lower, the dense depth, after the mix if there is one, leans to geometry's: the
             nearest return, or the road where that is nearer. 0: nowhere.
+        familiar: Share of sure pixels from which on depths of a picture do not lean, see `caution`. 0: of no picture.
         region_width_px: Width of a return's region of interest, a multiple of 32. The paper's 288 px at nuScenes'
             focal length of 1266 px are 143 px at 630 px, and 160 is the next multiple.
         embedding_dims: Learned part of the vectors of `embedding`.
@@ -112,6 +113,7 @@ class BaffConfig(NetworkConfig):
     threshold: float = 0.25
     geometry_mix: bool = True
     caution: float = 0.7
+    familiar: float = 0.38
     region_width_px: int = 160
     embedding_dims: int = 32
     returns_per_cell: int = 8
@@ -133,7 +135,7 @@ class BaffConfig(NetworkConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_caution(self.caution)
+        check_caution(self.caution, self.familiar)
         if self.association not in ("embedding", "regions"):
             raise ArchitectureError(f"association must be 'embedding' or 'regions', got {self.association!r}")
         if not 0 <= self.instance_norm <= 4:
@@ -176,7 +178,7 @@ class Baff(Network):
         ("mix with geometry", "mix"),
     )
     backbones = ("context",)
-    adjustable = ("threshold", "calibration", "caution")
+    adjustable = ("threshold", "calibration", "caution", "familiar")
     grows = MappingProxyType({"geometry_mix": False, "full_size": False, "context": "none", "hint": False})
     paper_network = "baff_paper"
 
@@ -187,7 +189,7 @@ class Baff(Network):
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
         self.agreement = AGREEMENT
-        self.caution = Caution(config.caution)
+        self.caution = Caution(config.caution, config.familiar)
         self.outside = OUTSIDE
         self.detail = config.detail
         self.emphasis = EMPHASIS
