@@ -131,10 +131,10 @@ def _write(
         writer.write("/lidar/points", encode_points(factory, columns, stamp_ns, "lidar_top"), stamp_ns)
         return
     xyz = seen.apply(world[rng.integers(0, len(world), 60)])
-    xyz = xyz[xyz[:, 0] > 0]
+    xyz = xyz[xyz[:, 0] > 0] * np.array([1.0, 1.0, 0.0], np.float32)  # it measures no elevation
     if name == "front" and index == drive.empty_sweep:
         xyz = xyz[:0]
-    columns = radar_columns(xyz, -SPEED_MPS * (mount(kind, name).rotation.T @ [1.0, 0, 0]), rng)
+    columns = radar_columns(xyz, -mount(kind, name).rotation.T @ _velocity(mount(kind, name)), rng)
     writer.write(f"/radar/{name}/points", encode_points(factory, columns, stamp_ns, f"radar_{name}"), stamp_ns)
 
 
@@ -152,6 +152,11 @@ def radar_columns(xyz: FloatArray, velocity: DoubleArray, rng: np.random.Generat
         **{name: values.astype(np.float32) for name, values in floats.items()},
         **{name: rng.integers(0, 5, count).astype(np.int8) for name in STATES},
     }
+
+
+def _velocity(place: RigidTransform) -> DoubleArray:
+    """(3,) m/s over ground of a place on the vehicle, in the vehicle's axes."""
+    return np.array([SPEED_MPS, 0.0, 0.0]) + np.cross([0.0, 0.0, YAW_RATE], place.translation)
 
 
 def _mounts(drive: SurroundDrive, stamp_ns: int) -> list[StampedTransform]:
