@@ -192,6 +192,7 @@ def _scenario(job: SceneImport) -> dict[str, object]:
         "time_of_day": "night" if "night" in description else "day",
         "weather": "rain" if "rain" in description else "dry",
         "imported": job.made_with,
+        "radar": f"{layout.topic(layout.radar, 'radar')}/points",
         "key_frames": _key_frames(job.records, layout),
     }
 

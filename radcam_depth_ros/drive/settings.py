@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from radcam_depth_ros.bags import BagReader, TopicInfo
 from radcam_depth_ros.bags.topics import IMAGE_TYPES, SensorTopics, find_topics
@@ -105,6 +106,9 @@ class TopicChoice:
         )
 
 
+Screen = Callable[[str, Any], Any]
+
+
 @dataclass(frozen=True)
 class DriveSettings:
     """How a bag is read.
@@ -121,6 +125,10 @@ class DriveSettings:
             moved are left out.
         accumulation: How scans are accumulated.
         max_lidar_offset_s: The farthest that a LiDAR scan may lie from its image in time.
+        published_truth: LiDAR depth is drawn as published evaluations on nuScenes draw it (`published_depth`), from one
+            scan, which must be moved.
+        screen: Gives of a topic and a message of images, radars or LiDAR what is read in its place; None leaves the
+            message out. None reads all as it is.
     """
 
     frame_builder: FrameBuilderConfig = field(default_factory=FrameBuilderConfig)
@@ -129,11 +137,15 @@ class DriveSettings:
     accumulate: str = "never"
     accumulation: AccumulationConfig = field(default_factory=AccumulationConfig)
     max_lidar_offset_s: float = 0.06
+    published_truth: bool = False
+    screen: Screen | None = None
 
     def __post_init__(self) -> None:
         for name, known in (("ground_truth", GROUND_TRUTHS), ("accumulate", ACCUMULATIONS)):
             if getattr(self, name) not in known:
                 raise DriveError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
+        if self.published_truth and (self.ground_truth != "lidar" or self.accumulate != "never"):
+            raise DriveError("published_truth is that of one scan: it needs ground_truth lidar and accumulate never")
         if not self.max_lidar_offset_s >= 0:
             raise DriveError(f"max_lidar_offset_s must not be negative, got {self.max_lidar_offset_s}")
 
