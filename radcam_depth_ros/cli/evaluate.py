@@ -88,7 +88,6 @@ def evaluate(
     """
     from radcam_depth_ros.evaluation.drive import EvaluationSettings
     from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
-    from radcam_depth_ros.evaluation.tables import distance_table, summary_table, thing_tables
 
     keep_apart((json_target, report, csv), (*bags, params, model))
     if protocol is not None and (report or csv or clip is not None or depth is not None):
@@ -117,7 +116,13 @@ def evaluate(
     # The evaluation measures depth at the network's size, however the node writes it.
     estimator = load_estimator(replace(node.config.estimator, output_size="native"))
     measuring = EvaluationSettings(estimator.card.network, camera_height, clip, wanted)
-    measured = _measure(sources, settings, estimator, measuring, with_panels=report is not None)
+    _tell(_measure(sources, settings, estimator, measuring, with_panels=report is not None), report, csv, json_target)
+
+
+def _tell(measured: _Measured, report: Path | None, csv: Path | None, json_target: str | None) -> None:
+    """Writes what is asked for, and prints tables unless stdout is for JSON."""
+    from radcam_depth_ros.evaluation.tables import distance_table, summary_table, thing_tables
+
     if report:
         _write_report(report, measured)
     if csv:
