@@ -101,11 +101,11 @@ class MovedScans:
         # The nearest scan is the last one before the image or the first one after it.
         alone = dataclasses.replace(self._config, scans=1, window_s=settings.max_lidar_offset_s)
         window = self._config if many else alone
-        self._is_published, screen = settings.published_truth, settings.screen
+        self._is_published = settings.is_published
         messages = (
             message
             for message in reader.messages([lidar, motion.topic])
-            if screen is None or message.topic != lidar or screen(lidar, message.message) is not None
+            if message.topic != lidar or settings.screened(lidar, message.message) is not None
         )
         self._window = ScanWindow(messages, lidar, motion, transforms, window)
 

@@ -81,10 +81,10 @@ def read_samples(
         screened = {topics.image, *topics.radars, *truth.topics}
         for message in reader.messages(wanted):
             now_ns, content = message.log_time_ns, message.message
-            if settings.screen is not None and message.topic in screened:
-                content = settings.screen(message.topic, content)
-                if content is None:
-                    continue
+            if message.topic in screened:
+                content = settings.screened(message.topic, content)
+            if content is None:
+                continue
             truth.add(message.topic, content)
             waiting.extend(frame_builder.expire(now_ns))
             waiting.extend(frame_builder.add(moving.get(message.topic, message.topic), content, now_ns))

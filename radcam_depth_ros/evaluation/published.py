@@ -60,6 +60,30 @@ class PublishedEvaluation:
         return Table(f"Error in metres by the protocol {self.protocol}, within 50, 70 and 80 m", columns, rows, note)
 
 
+@dataclass(frozen=True)
+class PublishedSettings(DriveSettings):
+    """Reads a bag as a published evaluation does.
+
+    Attributes:
+        wanted: Stamps in nanoseconds of the messages that are read, by topic; None reads all.
+        filtered: Radars whose returns pass the filters of nuScenes' devkit.
+    """
+
+    wanted: Mapping[str, frozenset[int]] | None = None
+    filtered: tuple[str, ...] = ()
+
+    @property
+    def is_published(self) -> bool:
+        """True."""
+        return True
+
+    def screened(self, topic: str, message: Any) -> Any:
+        """The message, filtered where that is asked for; None for one that is not wanted."""
+        if self.wanted is not None and stamp_ns(message.header) not in self.wanted.get(topic, ()):
+            return None
+        return _filtered(message) if topic in self.filtered else message
+
+
 def published_settings(bag: Path, settings: DriveSettings, protocol: Protocol) -> tuple[DriveSettings, int]:
     """How a bag is read for a protocol, and how many frames of it count: all but the last one.
 
@@ -74,9 +98,7 @@ def published_settings(bag: Path, settings: DriveSettings, protocol: Protocol) -
         choice = settings.topics
         if choice.radars is None and not choice.preferred and "radar" in scenario:
             choice = dataclasses.replace(choice, radars=(scenario["radar"],))
-        settings = dataclasses.replace(
-            settings, topics=choice, ground_truth="lidar", accumulate="never", published_truth=True
-        )
+        settings = dataclasses.replace(settings, topics=choice)
         topics = settings.find_topics(reader)
         if topics.lidar is None:
             raise EvaluationError(
@@ -90,15 +112,16 @@ def published_settings(bag: Path, settings: DriveSettings, protocol: Protocol) -
         topic: frozenset(frame[topic] for frame in key_frames[:-1] if topic in frame)
         for topic in (topics.image, topics.lidar, *topics.radars)
     }
-    if key_frames:
-        settings = dataclasses.replace(settings, max_lidar_offset_s=_MAX_KEY_OFFSET_S)
-
-    def screen(topic: str, message: Any) -> Any:
-        if key_frames and stamp_ns(message.header) not in wanted.get(topic, ()):
-            return None
-        return _filtered(message) if protocol.filters_radar and topic in topics.radars else message
-
-    return dataclasses.replace(settings, screen=screen), frames - 1
+    offset_s = _MAX_KEY_OFFSET_S if key_frames else settings.max_lidar_offset_s
+    read = PublishedSettings(
+        settings.frame_builder,
+        settings.topics,
+        "lidar",
+        max_lidar_offset_s=offset_s,
+        wanted=wanted if key_frames else None,
+        filtered=topics.radars if protocol.filters_radar else (),
+    )
+    return read, frames - 1
 
 
 def published_drives(

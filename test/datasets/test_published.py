@@ -120,11 +120,6 @@ def test_without_motion_there_is_no_truth(surround_drives: Any, tmp_path: Path) 
         list(drives[0].samples)
 
 
-def test_the_published_truth_is_of_one_scan() -> None:
-    with pytest.raises(DriveError, match="one scan"):
-        DriveSettings(published_truth=True)
-
-
 def test_evaluate_takes_a_protocol(scenes: list[Path], tmp_path: Path, small_weights: Path, monkeypatch: Any) -> None:
     target = tmp_path / "figures.json"
     options = ("--model", small_weights, "--protocol", "cafnet", "--json", target)
