@@ -11,7 +11,7 @@ from radcam_depth_ros.cli.terminal.options import keep_apart, progress_bar
 
 
 def import_(
-    dataset: Annotated[str, typer.Argument(help="nuscenes.")],
+    dataset: Annotated[str, typer.Argument(help="nuscenes or truckscenes.")],
     dataroot: Annotated[Path, typer.Argument(help="The data set's folder, which has samples/, sweeps/ and VERSION/.")],
     out: Annotated[Path, typer.Argument(help="Folder of the bags: one .mcap file a scene; those there are kept.")],
     version: Annotated[str, typer.Option(help="Folder of the tables.")] = "v1.0-trainval",

@@ -1,4 +1,4 @@
-"""Reads the point files of data sets: binary PCD, and rows of float32."""
+"""Reads the point files of data sets: PCD, binary or compressed, and rows of float32."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from radcam_depth_ros.datasets.errors import DatasetError
 Columns = dict[str, npt.NDArray[np.generic]]
 """(N,) arrays of one length by the fields' names."""
 _KINDS = {"F": "f", "I": "i", "U": "u"}
-_SIZES = {"f": (4, 8), "i": (1, 2, 4), "u": (1, 2, 4)}
-"""Bytes of the types that a sensor_msgs/PointCloud2 has."""
+_SIZES = {"f": (4, 8), "i": (1, 2, 4, 8), "u": (1, 2, 4, 8)}
 _LONGEST_HEADER = 65_536
+_LITERALS = 32
 
 
 def read_floats(content: bytes, name: str, fields: tuple[str, ...]) -> Columns:
@@ -37,39 +37,84 @@ def read_floats(content: bytes, name: str, fields: tuple[str, ...]) -> Columns:
     return {field: np.ascontiguousarray(values[:, index]) for index, field in enumerate(fields)}
 
 
-def read_pcd(content: bytes, name: str, fields: tuple[str, ...], *, others: bool = False) -> Columns:
-    """Points of a binary PCD file; none where the first one is NaN, as nuScenes marks an empty sweep.
+def read_pcd(content: bytes, name: str, fields: tuple[str, ...], *, exactly: bool = True) -> Columns:
+    """Points of a PCD file, binary or compressed; none where the first one is NaN, as nuScenes marks an empty sweep.
 
     Args:
         content: The file. Bytes after the last point are ignored.
         name: The file, for sentences.
-        fields: The fields that it must have, in their order.
-        others: Whether it may have others as well, and in any order.
+        fields: The fields that are read.
+        exactly: Whether the file must have these in this order, and no others.
 
     Raises:
-        DatasetError: for a file that is no such PCD, is not binary, has other fields or is cut off.
+        DatasetError: for a file that is no such PCD, is text, has other fields or is cut off.
     """
     header, start = _header(content, name)
     names = tuple(header["FIELDS"])
-    if names != fields and not (others and set(fields) <= set(names)):
+    if names != fields if exactly else not set(fields) <= set(names):
         raise DatasetError(
             f"expected the fields {' '.join(fields)} in {name}, got {' '.join(names)}; give the data set's own files"
         )
-    if header["DATA"] != ["binary"]:
+    dtype = _point_type(header, name)
+    count = _whole(header["WIDTH"], name) * _whole(header["HEIGHT"], name)
+    columns: Columns
+    if header["DATA"] == ["binary"]:
+        if len(content) - start < count * dtype.itemsize:
+            raise _cut_off(name, count, dtype, len(content) - start)
+        points = np.frombuffer(content, dtype, count, start)
+        columns = {field: np.ascontiguousarray(points[field]) for field in fields}
+    elif header["DATA"] == ["binary_compressed"]:
+        columns = _compressed(content[start:], count, dtype, name)
+    else:
         raise DatasetError(
             f"expected DATA binary in {name}, got DATA {' '.join(header['DATA'])}; save it as a binary PCD"
         )
-    dtype = _point_type(header, name)
-    count = _whole(header["WIDTH"], name) * _whole(header["HEIGHT"], name)
-    if len(content) - start < count * dtype.itemsize:
-        raise DatasetError(
-            f"expected {count} points of {dtype.itemsize} bytes in {name}, got {len(content) - start} bytes; copy the "
-            "file anew"
-        )
-    points = np.frombuffer(content, dtype, count, start)
-    if count and math.isnan(float(points[names[0]][0])):
-        points = points[:0]
-    return {field: np.ascontiguousarray(points[field]) for field in names}
+    if count and math.isnan(float(columns[names[0]][0])):
+        columns = {field: column[:0] for field, column in columns.items()}
+    return {field: columns[field] for field in fields}
+
+
+def _compressed(content: bytes, count: int, dtype: np.dtype[np.void], name: str) -> Columns:
+    """The columns of a compressed PCD, which has them one after the other."""
+    packed, size = (int.from_bytes(content[place : place + 4], "little") for place in (0, 4))
+    if size != count * dtype.itemsize or len(content) < 8 + packed:
+        raise _cut_off(name, count, dtype, min(size, len(content)))
+    values, place, columns = unpack_lzf(content[8 : 8 + packed], size), 0, {}
+    if len(values) != size:
+        raise _cut_off(name, count, dtype, len(values))
+    for field in dtype.names or ():
+        columns[field] = np.frombuffer(values, dtype[field], count, place)
+        place += count * dtype[field].itemsize
+    return columns
+
+
+def unpack_lzf(packed: bytes, size: int) -> bytes:
+    """Unpacks LZF, by which a compressed PCD is packed; less than `size` bytes where it is damaged, never more."""
+    found, place, end = bytearray(), 0, len(packed)
+    while place < end and len(found) < size:
+        control = packed[place]
+        place += 1
+        if control < _LITERALS:  # that many bytes and one more, as they are
+            found += packed[place : place + control + 1]
+            place += control + 1
+            continue
+        length = control >> 5
+        if length == 7 and place < end:
+            length += packed[place]
+            place += 1
+        back = len(found) - ((control & 31) << 8) - (packed[place] if place < end else 0) - 1
+        place += 1
+        if back < 0:
+            break
+        for index in range(back, back + length + 2):  # what is copied may be what is being written
+            found.append(found[index])
+    return bytes(found[:size])
+
+
+def _cut_off(name: str, count: int, dtype: np.dtype[np.void], size: int) -> DatasetError:
+    return DatasetError(
+        f"expected {count} points of {dtype.itemsize} bytes in {name}, got {size} bytes; copy the file anew"
+    )
 
 
 def _header(content: bytes, name: str) -> tuple[dict[str, list[str]], int]:
@@ -101,8 +146,8 @@ def _point_type(header: dict[str, list[str]], name: str) -> np.dtype[np.void]:
         code = _KINDS.get(kind, "")
         if not size.isdecimal() or int(size) not in _SIZES.get(code, ()):
             raise DatasetError(
-                f"expected numbers that a point cloud message holds in {name}, got TYPE {kind} of SIZE {size} for "
-                f"{field}; convert them"
+                f"expected numbers of 1 to 8 bytes in {name}, got TYPE {kind} of SIZE {size} for "
+                f"{field}; copy the file anew"
             )
         columns.append((field, f"<{code}{size}"))
     return np.dtype(columns)

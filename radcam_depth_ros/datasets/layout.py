@@ -10,7 +10,7 @@ from radcam_depth_ros.datasets.errors import DatasetError
 
 IMAGES = ("keyframes", "all")
 RADARS = ("front", "all")
-EGO_FRAME, WORLD_FRAME = "base_footprint", "odom"
+WORLD_FRAME = "odom"
 NUSCENES_RADAR = (
     *("x", "y", "z", "dyn_prop", "id", "rcs", "vx", "vy", "vx_comp", "vy_comp", "is_quality_valid", "ambig_state"),
     *("x_rms", "y_rms", "invalid_state", "pdh0", "vx_rms", "vy_rms"),
@@ -28,6 +28,7 @@ class DatasetLayout:
         camera: Channel of the camera that is taken by default.
         radar: Channel of the radar ahead, that of the published protocols.
         lidar: Channel of the LiDAR that is the ground truth.
+        ego_frame: Name of the ego frame: `base_footprint` where it lies on the road.
         has_splits: Whether the splits of nuScenes are its own.
         read_radar: Reads the bytes of a radar's file; the name is for sentences.
         read_lidar: Likewise of a LiDAR's.
@@ -38,6 +39,7 @@ class DatasetLayout:
     camera: str
     radar: str
     lidar: str
+    ego_frame: str
     has_splits: bool
     read_radar: Callable[[bytes, str], Columns]
     read_lidar: Callable[[bytes, str], Columns]
@@ -57,10 +59,37 @@ def _nuscenes_lidar(content: bytes, name: str) -> Columns:
     return read_floats(content, name, ("x", "y", "z", "intensity", "ring"))
 
 
+def _truckscenes_radar(content: bytes, name: str) -> Columns:
+    return read_pcd(content, name, ("x", "y", "z", "vrel_x", "vrel_y", "vrel_z", "rcs"), exactly=False)
+
+
+def _truckscenes_lidar(content: bytes, name: str) -> Columns:
+    return read_pcd(content, name, ("x", "y", "z", "intensity"), exactly=False)
+
+
 NUSCENES = DatasetLayout(
-    "nuscenes", "nuScenes", "CAM_FRONT", "RADAR_FRONT", "LIDAR_TOP", True, _nuscenes_radar, _nuscenes_lidar
+    name="nuscenes",
+    title="nuScenes",
+    camera="CAM_FRONT",
+    radar="RADAR_FRONT",
+    lidar="LIDAR_TOP",
+    ego_frame="base_footprint",
+    has_splits=True,
+    read_radar=_nuscenes_radar,
+    read_lidar=_nuscenes_lidar,
 )
-LAYOUTS = {layout.name: layout for layout in (NUSCENES,)}
+TRUCKSCENES = DatasetLayout(
+    name="truckscenes",
+    title="TruckScenes",
+    camera="CAMERA_LEFT_FRONT",
+    radar="RADAR_LEFT_FRONT",
+    lidar="LIDAR_TOP_FRONT",
+    ego_frame="base_link",  # its schema does not say that it lies on the road
+    has_splits=False,
+    read_radar=_truckscenes_radar,
+    read_lidar=_truckscenes_lidar,
+)
+LAYOUTS = {layout.name: layout for layout in (NUSCENES, TRUCKSCENES)}
 """The data sets that can be imported, by their names."""
 
 

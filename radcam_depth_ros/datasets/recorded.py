@@ -10,7 +10,7 @@ from typing import Any
 from radcam_depth_ros.bags import BagReader, factory, find_topics, read_scenario, read_static_transforms
 from radcam_depth_ros.bags.topics import IMAGE_TYPES, TopicChooser
 from radcam_depth_ros.datasets.errors import DatasetError
-from radcam_depth_ros.datasets.layout import EGO_FRAME, NUSCENES_RADAR
+from radcam_depth_ros.datasets.layout import NUSCENES, NUSCENES_RADAR
 from radcam_depth_ros.datasets.pcd_file import lidar_file, radar_file
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
@@ -74,7 +74,7 @@ class RecordedDrive:
             tree = read_static_transforms(reader)
             for message in reader.messages([topics.odometry]):
                 reading = decode_odometry(message.message)
-                self.poses.add(reading.stamp_ns, reading.pose @ tree.lookup(reading.child_frame_id, EGO_FRAME))
+                self.poses.add(reading.stamp_ns, reading.pose @ tree.lookup(reading.child_frame_id, NUSCENES.ego_frame))
             chooser = TopicChooser(reader.topics, str(path))
             channels = self._channels(chooser, topics.lidar)
             infos = {name: chooser.find_camera_info(name) for name, channel in channels.items() if channel[:3] == "CAM"}
@@ -83,7 +83,7 @@ class RecordedDrive:
                 for message in reader.messages([topic]):
                     time_ns = stamp_ns(message.message.header)
                     if topic not in self.sensors:
-                        pose = tree.lookup(EGO_FRAME, str(message.message.header.frame_id))
+                        pose = tree.lookup(NUSCENES.ego_frame, str(message.message.header.frame_id))
                         camera = self._camera(reader, infos[topic]) if topic in infos else None
                         kind = "camera" if camera else "radar" if channel.startswith("RADAR") else "lidar"
                         if kind == "radar" and _fields(message.message) != NUSCENES_RADAR:

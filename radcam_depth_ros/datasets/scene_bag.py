@@ -10,7 +10,7 @@ import numpy as np
 
 from radcam_depth_ros.bags import SCENARIO_TOPIC, BagWriter, factory
 from radcam_depth_ros.datasets.errors import DatasetError
-from radcam_depth_ros.datasets.layout import EGO_FRAME, LAYOUTS, WORLD_FRAME, DatasetLayout
+from radcam_depth_ros.datasets.layout import LAYOUTS, WORLD_FRAME, DatasetLayout
 from radcam_depth_ros.datasets.tables import Mounted, SceneRecords
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import GeometryError, RigidTransform
@@ -71,13 +71,13 @@ def write_scene(job: SceneImport) -> None:
     with BagWriter(job.out, latched=("/tf_static", SCENARIO_TOPIC), overwrite=job.overwrite) as writer:
         start_us = min(int(records.time_us[0]), int(records.pose_time_us[0]))
         links = [
-            StampedTransform(EGO_FRAME, frame_of(sensor.channel), start_us * _US_NS, pose)
+            StampedTransform(layout.ego_frame, frame_of(sensor.channel), start_us * _US_NS, pose)
             for sensor, pose in zip(records.sensors, mounts, strict=True)
         ]
         writer.write("/tf_static", encode_transforms(factory, links), start_us * _US_NS)
         scenario = json.dumps(_scenario(job))
         writer.write(SCENARIO_TOPIC, factory("std_msgs/msg/String", data=scenario), start_us * _US_NS)
-        odometry = _odometry(records, poses)
+        odometry = _odometry(records, poses, layout.ego_frame)
         for index, time_us in enumerate(records.time_us.tolist()):
             while odometry and odometry[-1].stamp_ns <= time_us * _US_NS:
                 _write_odometry(writer, odometry.pop())
@@ -153,7 +153,7 @@ def _poses(records: SceneRecords) -> list[RigidTransform]:
     return [_transform(tuple(pose), f"the vehicle in {records.scene.name}") for pose in records.poses.tolist()]
 
 
-def _odometry(records: SceneRecords, poses: list[RigidTransform]) -> list[OdometryReading]:
+def _odometry(records: SceneRecords, poses: list[RigidTransform], ego_frame: str) -> list[OdometryReading]:
     """The vehicle's motion, the last one first."""
     times = records.pose_time_us
     before = np.searchsorted(times, times - _SPEED_US)
@@ -170,7 +170,7 @@ def _odometry(records: SceneRecords, poses: list[RigidTransform]) -> list[Odomet
             angular = np.array([turned[2, 1], turned[0, 2], turned[1, 0]]) - [turned[1, 2], turned[2, 0], turned[0, 1]]
             angular = angular / (2 * seconds)
         stamp_ns = int(times[index]) * _US_NS
-        readings.append(OdometryReading(stamp_ns, WORLD_FRAME, EGO_FRAME, poses[index], linear, angular))
+        readings.append(OdometryReading(stamp_ns, WORLD_FRAME, ego_frame, poses[index], linear, angular))
     return readings[::-1]
 
 
