@@ -170,12 +170,12 @@ def main() -> None:
         generate(root, options.scenes)
     size = sum(path.stat().st_size for path in (root / VERSION).iterdir())
     out = options.folder / "bags"
-    shutil.rmtree(out, ignore_errors=True)
     if options.records_only:
         records = Tables(root, VERSION).records
         scenes = sum(1 for _ in records(Tables(root, VERSION).scenes, NUSCENES, ImportOptions("all", "all", _CAMERAS)))
         print(f"what the tables say of {scenes} scenes, all sensors: {_peak_mib(resource.RUSAGE_SELF):.0f} MiB")
         return
+    shutil.rmtree(out, ignore_errors=True)
     start = time.perf_counter()
     command = [sys.executable, "-m", "radcam_depth_ros.cli", "import", "nuscenes", str(root), str(out)]
     subprocess.run([*command, "--scenes", "scene-0000"], check=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
@@ -162,9 +162,14 @@ def import_scenes(
         return tuple(results)
     # spawn: a forked child of a process that has used threads may hang.
     with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        waiting: set[Future[ImportedScene]] = set()
         try:
-            for future in as_completed([pool.submit(_imported, job) for job in numbered]):
-                report(future.result())
+            for job in numbered:
+                waiting.add(pool.submit(_imported, job))
+                if len(waiting) > jobs:  # no more scenes are held than are needed
+                    waiting = _told(waiting, report)
+            while waiting:
+                waiting = _told(waiting, report)
         except BrokenProcessPool:
             raise DatasetError(
                 "a process that imported a scene was killed, most likely since memory ran out; import fewer at once "
@@ -174,6 +179,14 @@ def import_scenes(
             pool.shutdown(cancel_futures=True)
             raise
     return tuple(results)
+
+
+def _told(waiting: set[Future[ImportedScene]], report: Callable[[ImportedScene], None]) -> set[Future[ImportedScene]]:
+    """Waits for some scene; gives back those that are still waited for."""
+    done, rest = wait(waiting, return_when=FIRST_COMPLETED)
+    for future in done:
+        report(future.result())
+    return rest
 
 
 def _imported(job: SceneImport) -> ImportedScene:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -121,12 +122,13 @@ class Tables:
                 f"{', '.join(there) or 'no version'}: give the data set's folder, and --version"
             )
         places: dict[str, str] = {}
-        if (self._folder / "log.json").is_file():  # not all sets tell where they were recorded
-            places = {row["token"]: str(row["location"]) for row in self._rows("log", ("token", "location"))}
-        self.scenes = tuple(
-            Scene(row["token"], str(row["name"]), str(row["description"]), places.get(row["log_token"], ""))
-            for row in self._rows("scene")
-        )
+        with _usable(self._folder):
+            if (self._folder / "log.json").is_file():  # not all sets tell where they were recorded
+                places = {row["token"]: str(row["location"]) for row in self._rows("log", ("token", "location"))}
+            self.scenes = tuple(
+                Scene(row["token"], str(row["name"]), str(row["description"]), places.get(row["log_token"], ""))
+                for row in self._rows("scene")
+            )
         for scene in self.scenes:
             if not scene.name or "/" in scene.name or scene.name.startswith("."):
                 raise DatasetError(f"expected scenes whose names can be files in {self._folder}, got {scene.name!r}")
@@ -149,21 +151,22 @@ class Tables:
         Raises:
             DatasetError: for tables that do not fit together.
         """
-        order = {scene.token: index for index, scene in enumerate(scenes)}
-        samples = {
-            row["token"]: order[row["scene_token"]] for row in self._rows("sample") if row["scene_token"] in order
-        }
-        sensors = self._sensors()
-        self._require_channels(sensors.values(), layout, options)
-        readings = _Readings(sensors, layout, options)
-        for row in self._counted("sample_data", tick):
-            index = samples.get(row["sample_token"])
-            if index is not None:
-                readings.add(index, row)
-        poses = _Poses(set(readings.poses))
-        for row in self._counted("ego_pose", tick):
-            poses.add(row)
-        poses.finish()
+        with _usable(self._folder):
+            order = {scene.token: index for index, scene in enumerate(scenes)}
+            samples = {
+                row["token"]: order[row["scene_token"]] for row in self._rows("sample") if row["scene_token"] in order
+            }
+            sensors = self._sensors()
+            self._require_channels(sensors.values(), layout, options)
+            readings = _Readings(sensors, layout, options)
+            for row in self._counted("sample_data", tick):
+                index = samples.get(row["sample_token"])
+                if index is not None:
+                    readings.add(index, row)
+            poses = _Poses(set(readings.poses))
+            for row in self._counted("ego_pose", tick):
+                poses.add(row)
+            poses.finish()
         for part, scene in zip(readings.by_scene(len(scenes)), scenes, strict=True):
             yield readings.records(scene, part, poses)
 
@@ -203,6 +206,18 @@ class Tables:
                 f"expected the sensors {', '.join(wanted)} of {layout.title} in {self._folder}, got "
                 f"{', '.join(there)}; check --cameras, and which data set it is"
             )
+
+
+@contextmanager
+def _usable(folder: Path) -> Iterator[None]:
+    """Around what takes values of rows: a value of another type is a fault of the tables."""
+    try:
+        yield
+    except (TypeError, ValueError, OverflowError, AttributeError) as error:
+        raise DatasetError(
+            f"expected tables in the schema of nuScenes in {folder}, got a value that cannot be used ({error}); unpack "
+            "the metadata anew"
+        ) from None
 
 
 class _Readings:

@@ -128,6 +128,38 @@ def test_a_missing_pose_is_refused(run: Any, edit_table: Any) -> None:
     assert run()[0] == 2
 
 
+@pytest.mark.parametrize(
+    ("table", "key", "value"),
+    [
+        ("sample_data", "timestamp", "soon"),
+        ("sample_data", "timestamp", 2**70),
+        ("sample_data", "filename", 5),
+        ("sample_data", "ego_pose_token", []),
+        ("sample_data", "width", "wide"),
+        ("ego_pose", "translation", None),
+        ("ego_pose", "translation", ["a", "b", "c"]),
+        ("ego_pose", "translation", [1.0, 2.0]),
+        ("calibrated_sensor", "rotation", "none"),
+        ("calibrated_sensor", "camera_intrinsic", [5]),
+        ("calibrated_sensor", "sensor_token", "none"),
+        ("scene", "token", {}),
+        ("scene", "name", "../scene"),
+    ],
+)
+def test_values_of_another_type_are_refused(run: Any, edit_table: Any, table: str, key: str, value: object) -> None:
+    edit_table(table, lambda rows: rows[0].__setitem__(key, value))
+    code, names, said = run()
+    assert (code, names) == (2, [])
+    assert said.count("radcam-depth:") == 1
+
+
+@pytest.mark.parametrize("rotation", [[0.0, 0.0, 0.0, 0.0], [float("nan"), 0.0, 0.0, 1.0]])
+def test_a_place_that_is_none_is_refused(run: Any, edit_table: Any, rotation: list[float]) -> None:
+    edit_table("ego_pose", lambda rows: rows[0].__setitem__("rotation", rotation))
+    code, names, _ = run()
+    assert (code, len(names)) == (2, 2)
+
+
 def test_a_file_outside_of_the_data_set_is_refused(run: Any, edit_table: Any) -> None:
     def escape(rows: list[dict[str, Any]]) -> None:
         next(row for row in rows if "CAM_FRONT/scene-0001" in str(row["filename"]))["filename"] = "../../etc/passwd"
