@@ -12,9 +12,10 @@ from radcam_depth_ros.datasets.errors import DatasetError
 Columns = dict[str, npt.NDArray[np.generic]]
 """(N,) arrays of one length by the fields' names."""
 _KINDS = {"F": "f", "I": "i", "U": "u"}
-_SIZES = {"f": (4, 8), "i": (1, 2, 4, 8), "u": (1, 2, 4, 8)}
+_SIZES = {"f": ("4", "8"), "i": ("1", "2", "4", "8"), "u": ("1", "2", "4", "8")}
 _LONGEST_HEADER = 65_536
 _LITERALS = 32
+_MOST_DIGITS = 12
 
 
 def read_floats(content: bytes, name: str, fields: tuple[str, ...]) -> Columns:
@@ -144,7 +145,7 @@ def _point_type(header: dict[str, list[str]], name: str) -> np.dtype[np.void]:
         raise DatasetError(f"expected a SIZE, a TYPE and a COUNT of 1 for each of the fields of {name}; copy it anew")
     for field, size, kind in zip(names, header["SIZE"], header["TYPE"], strict=True):
         code = _KINDS.get(kind, "")
-        if not size.isdecimal() or int(size) not in _SIZES.get(code, ()):
+        if size not in _SIZES.get(code, ()):
             raise DatasetError(
                 f"expected numbers of 1 to 8 bytes in {name}, got TYPE {kind} of SIZE {size} for "
                 f"{field}; copy the file anew"
@@ -154,8 +155,8 @@ def _point_type(header: dict[str, list[str]], name: str) -> np.dtype[np.void]:
 
 
 def _whole(words: list[str], name: str) -> int:
-    if len(words) != 1 or not words[0].isdecimal():
+    if len(words) != 1 or not words[0].isdecimal() or len(words[0]) > _MOST_DIGITS:
         raise DatasetError(
-            f"expected whole numbers for WIDTH and HEIGHT in {name}, got {' '.join(words)}; copy it anew"
+            f"expected whole numbers for WIDTH and HEIGHT in {name}, got {' '.join(words)[:60]}; copy it anew"
         )
     return int(words[0])

@@ -56,6 +56,8 @@ def _objects(path: Path, read: Any) -> Iterator[dict[str, Any]]:
             return
         try:
             row, place = decode(text, place)
+        except RecursionError:
+            raise _damaged(path, "a row of lists within lists") from None
         except ValueError:
             more = read(_CHUNK)
             if not more or len(text) - place > _LONGEST_ROW:

@@ -108,13 +108,14 @@ def _write_reading(writer: BagWriter, job: SceneImport, layout: DatasetLayout, i
 
 def _content(root: Path, name: str) -> bytes:
     path = root / name
-    if not path.resolve().is_relative_to(root.resolve()):
-        raise DatasetError(f"expected files within {root}, got {name!r}; unpack the metadata anew")
     try:
+        if not path.resolve().is_relative_to(root.resolve()):
+            raise DatasetError(f"expected files within {root}, got {name!r}; unpack the metadata anew")
         return path.read_bytes()
-    except OSError as error:
+    except (OSError, ValueError) as error:  # a name may be none
+        reason = error.strerror if isinstance(error, OSError) else error
         raise DatasetError(
-            f"expected the file {name} in {root}: {error.strerror}; unpack all parts of the data set there, sweeps too"
+            f"expected the file {name!r} in {root}: {reason}; unpack all parts of the data set there, sweeps too"
         ) from None
 
 

@@ -6,6 +6,7 @@ columns are kept, some 150 bytes a reading.
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,6 +34,7 @@ _FIELDS = {
 }
 _POSE_VALUES = 7
 _REPORTED_ROWS = 10_000
+_FILE_NAME = re.compile(r"\w[\w.-]{0,200}", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -130,8 +132,10 @@ class Tables:
                 for row in self._rows("scene")
             )
         for scene in self.scenes:
-            if not scene.name or "/" in scene.name or scene.name.startswith("."):
-                raise DatasetError(f"expected scenes whose names can be files in {self._folder}, got {scene.name!r}")
+            if not _FILE_NAME.fullmatch(scene.name):
+                raise DatasetError(
+                    f"expected scenes whose names can be files in {self._folder}, got {scene.name[:60]!r}"
+                )
 
     def records(
         self,

@@ -113,6 +113,38 @@ def test_a_scene_that_is_damaged_leaves_the_others_alone(
     assert "1 of 3 scenes were not imported: scene-0002" in said
 
 
+@pytest.mark.parametrize("name", ["a\0b", "a" * 5000, ""])
+def test_a_file_whose_name_is_none_is_refused(run: Any, edit_table: Any, name: str) -> None:
+    def rename(rows: list[dict[str, Any]]) -> None:
+        next(row for row in rows if "CAM_FRONT/scene-0001" in str(row["filename"]))["filename"] = name
+
+    edit_table("sample_data", rename)
+    code, names, said = run()
+    assert (code, len(names)) == (2, 2)
+    assert "unpack all parts" in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"WIDTH", b"WIDTH 9"),
+        (b"HEIGHT 1", b"HEIGHT " + b"9" * 5000),
+        (b"HEIGHT 1", b"HEIGHT 99999999999"),
+        (b"SIZE 4", b"SIZE 3"),
+        (b"SIZE 4", b"SIZE"),
+        (b"TYPE F", b"TYPE X"),
+        (b"COUNT 1", b"COUNT 2"),
+        (b"FIELDS x y", b"FIELDS x x"),
+    ],
+)
+def test_headers_that_do_not_fit_are_refused(old: bytes, new: bytes) -> None:
+    columns = {name: np.zeros(3, np.float32) for name in ("x", "y", "z")}
+    content = pcd_file(columns)
+    assert content.count(old) == 1
+    with pytest.raises(DatasetError):
+        read_pcd(content.replace(old, new), "a.pcd", ("x", "z"), exactly=False)
+
+
 def test_a_pose_that_jumps_is_refused(run: Any, edit_table: Any) -> None:
     def jump(rows: list[dict[str, Any]]) -> None:
         rows[len(rows) // 2]["translation"][0] += 40.0
@@ -144,6 +176,8 @@ def test_a_missing_pose_is_refused(run: Any, edit_table: Any) -> None:
         ("calibrated_sensor", "sensor_token", "none"),
         ("scene", "token", {}),
         ("scene", "name", "../scene"),
+        ("scene", "name", "s" * 300),
+        ("scene", "name", "a\0b"),
     ],
 )
 def test_values_of_another_type_are_refused(run: Any, edit_table: Any, table: str, key: str, value: object) -> None:
@@ -203,6 +237,7 @@ def test_another_data_set_is_refused(dataset: Path, tmp_path: Path, monkeypatch:
         ("[1, 2]", "row '1'"),
         ('[{"token": "a"}]', "expected rows with"),
         ("", "array"),
+        ("[" * 100_000, "lists within lists"),
     ],
 )
 def test_tables_that_are_none_are_refused(run: Any, dataset: Path, text: str, token: str) -> None:
