@@ -27,7 +27,7 @@ ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
 EXHAUSTIVE = $(shell grep -rl --include='*.py' 'pytest.mark.exhaustive' test)
 ENDURANCE = $(shell grep -rl --include='*.py' 'pytest.mark.endurance' test)
 
-.PHONY: help demo test test-exhaustive adversary check check-all docs generate lint format clean
+.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs generate lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -47,6 +47,15 @@ endif
 
 test-exhaustive: .venv/installed ## what `make test` tries in part: torch.export of every network
 	@.venv/bin/python -m pytest -n 2 -m exhaustive $(EXHAUSTIVE)
+
+# nuScenes' devkit wants numpy < 2, so it has an environment of its own.
+.venv/nuscenes-devkit/installed: .venv/installed
+	@python3 -m venv .venv/nuscenes-devkit
+	@.venv/nuscenes-devkit/bin/python -m pip install --quiet 'numpy<2' nuscenes-devkit==1.2.0
+	@touch $@
+
+test-devkit: .venv/nuscenes-devkit/installed ## nuScenes' own devkit judges what is exported and imported in its schema
+	@NUSCENES_DEVKIT_PYTHON=.venv/nuscenes-devkit/bin/python .venv/bin/python -m pytest test/datasets/test_against_the_devkit.py
 
 adversary: .venv/installed ## attacks the package with a part of the hostile inputs of `make check-all` [SHARE=0.1]
 	@.venv/bin/python -m benchmarks.adversary --share "$(SHARE)" --seed 1

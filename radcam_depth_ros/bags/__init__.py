@@ -5,7 +5,7 @@ from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.bags.headers import Header, header_stamp_ns, read_header
 from radcam_depth_ros.bags.message_factory import RosbagsFactory, factory
 from radcam_depth_ros.bags.reader import BagMessage, BagReader, TopicInfo
-from radcam_depth_ros.bags.scenario import SCENARIO_TOPIC, read_scenario
+from radcam_depth_ros.bags.scenario import SCENARIO_TOPIC, read_key_frames, read_scenario
 from radcam_depth_ros.bags.search import find_bags
 from radcam_depth_ros.bags.topics import SensorTopics, find_topics
 from radcam_depth_ros.bags.transforms import read_static_transforms
@@ -28,6 +28,7 @@ __all__ = [
     "header_stamp_ns",
     "prepare",
     "read_header",
+    "read_key_frames",
     "read_scenario",
     "read_static_transforms",
 ]

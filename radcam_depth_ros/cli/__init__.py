@@ -14,6 +14,7 @@ import typer
 from radcam_depth_ros import openmp
 from radcam_depth_ros.cli.bench import bench
 from radcam_depth_ros.cli.check_calibration import check_calibration
+from radcam_depth_ros.cli.datasets import export_dataset, import_
 from radcam_depth_ros.cli.evaluate import evaluate
 from radcam_depth_ros.cli.export import export
 from radcam_depth_ros.cli.inspect import inspect
@@ -30,14 +31,18 @@ BAD_INPUT = 2
 
 app = typer.Typer(
     name="radcam-depth",
-    help="Metric depth images from one camera and its radars: simulate, replay, evaluate, train, measure.\n\n"
+    help="Metric depth images from one camera and its radars: simulate, import, replay, evaluate, train, measure.\n\n"
     "Example: radcam-depth simulate out/first --seed 7 --frames 20 && radcam-depth evaluate out/first --json -",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for verb in (simulate, replay, evaluate, train, export, networks, inspect, check_calibration, play, view, bench):
-    app.command(verb.__name__.replace("_", "-"))(verb)
+_VERBS = (
+    *(simulate, replay, evaluate, train, export, networks, inspect, check_calibration, play, view, bench),
+    *(import_, export_dataset),
+)
+for verb in _VERBS:
+    app.command(verb.__name__.rstrip("_").replace("_", "-"))(verb)
 
 
 def _spelled_out(arguments: Sequence[str]) -> Iterator[str]:

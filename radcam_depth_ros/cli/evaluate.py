@@ -56,6 +56,13 @@ def evaluate(
         typer.Option(help="What to measure as well, by commas; camera_only runs the network again, without radar."),
     ] = "ground_nearest,camera_only,radar_interpolation",
     no_baselines: Annotated[bool, typer.Option("--no-baselines", help="Measure the network alone: quicker.")] = False,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            help="Measure as papers on nuScenes do: singh2023, cafnet or justdepth; MAE and RMSE alone, by day, night "
+            "and rain."
+        ),
+    ] = None,
     camera_height: CameraHeightOption = None,
     limit: Annotated[int | None, typer.Option(min=1, help="Stop after this many frames of each bag.")] = None,
     clip: Annotated[
@@ -80,9 +87,13 @@ def evaluate(
     radcam-depth evaluate out/test --report out/evaluation.html
     """
     from radcam_depth_ros.evaluation.drive import EvaluationSettings
-    from radcam_depth_ros.evaluation.tables import distance_table, summary_table, thing_tables
+    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
 
     keep_apart((json_target, report, csv), (*bags, params, model))
+    if protocol is not None and (report or csv or clip is not None or depth is not None):
+        raise EvaluationError(
+            f"the protocol {protocol} says itself how depth is measured; leave out --report, --csv, --clip and --depth"
+        )
     wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
     node = node_parameters(
         params,
@@ -97,11 +108,21 @@ def evaluate(
         depth=depth,
     )
     settings = node.drive_settings()
+    if protocol is not None:
+        estimator = load_estimator(replace(node.config.estimator, output_size="native"))
+        _evaluate_published(bags, settings, estimator, protocol, limit, json_target)
+        return
     sources = _find_sources(bags, settings, limit)
     # The evaluation measures depth at the network's size, however the node writes it.
     estimator = load_estimator(replace(node.config.estimator, output_size="native"))
     measuring = EvaluationSettings(estimator.card.network, camera_height, clip, wanted)
-    measured = _measure(sources, settings, estimator, measuring, with_panels=report is not None)
+    _tell(_measure(sources, settings, estimator, measuring, with_panels=report is not None), report, csv, json_target)
+
+
+def _tell(measured: _Measured, report: Path | None, csv: Path | None, json_target: str | None) -> None:
+    """Writes what is asked for, and prints tables unless stdout is for JSON."""
+    from radcam_depth_ros.evaluation.tables import distance_table, summary_table, thing_tables
+
     if report:
         _write_report(report, measured)
     if csv:
@@ -111,6 +132,39 @@ def evaluate(
     if json_target != "-":
         measures = measured.evaluation
         _print(measured.facts(), (summary_table(measures), distance_table(measures), *thing_tables(measures)))
+
+
+def _evaluate_published(
+    places: Sequence[Path],
+    settings: DriveSettings,
+    estimator: Estimator,
+    protocol: str,
+    limit: int | None,
+    json_target: str | None,
+) -> None:
+    """Measures by a published protocol; RadcamDepthError for a name that is none, and bags that do not serve."""
+    from radcam_depth_ros.bags import find_bags
+    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.protocols import PROTOCOLS
+    from radcam_depth_ros.evaluation.published import evaluate_published, published_drives
+
+    if protocol not in PROTOCOLS:
+        raise EvaluationError(f"expected a protocol among {', '.join(PROTOCOLS)}, got {protocol!r}")
+    with progress_bar() as progress:
+        drives, frames = published_drives(find_bags(places), settings, PROTOCOLS[protocol], limit)
+        task = progress.add_task("evaluating", total=frames)
+        result = evaluate_published(
+            drives,
+            estimator.estimate,
+            PROTOCOLS[protocol],
+            estimator.card.network,
+            lambda: progress.advance(task),
+        )
+    if json_target:
+        weights = {"weights": estimator.describe(), **vars(estimator.computation)}
+        write_json({**result.as_json(), "bags": [str(place) for place in places], **weights}, json_target)
+    if json_target != "-":
+        _print((), (result.table(),))
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,10 @@ def accumulate(
         points_m = _in_view(camera_from_scan.apply(scan.standing_m(scans, tolerance)), camera)
         verdict = nearest.view.check(nearest_from_camera.apply(points_m), tolerance)
         parts.append(points_m[(verdict != Verdict.SEEN_THROUGH) & (verdict != Verdict.HIDDEN)])
-    return without_occluded(depth_image(np.concatenate(parts), camera), camera, config)
+    depth_m = without_occluded(depth_image(np.concatenate(parts), camera), camera, config)
+    if config.outlier_kernel_px:
+        depth_m = without_outliers(depth_m, config.outlier_kernel_px, config.outlier_m)
+    return interpolated(depth_m) if config.interpolate else depth_m
 
 
 def without_occluded(depth_m: FloatArray, camera: CameraModel, config: AccumulationConfig) -> FloatArray:
@@ -72,6 +75,44 @@ def without_occluded(depth_m: FloatArray, camera: CameraModel, config: Accumulat
     result = depth_m.copy()
     result[behind] = np.nan
     return result
+
+
+def without_outliers(depth_m: FloatArray, kernel_px: int, threshold_m: float) -> FloatArray:
+    """Takes out pixels that are farther than another one around them, as [Singh2023] filters accumulated scans.
+
+    Args:
+        depth_m: (H, W) float32 metres, NaN unknown.
+        kernel_px: Width of the square around a pixel, odd.
+        threshold_m: By how much farther.
+
+    Returns:
+        (H, W) float32 metres, NaN unknown.
+    """
+    known = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
+    middle = kernel_px // 2
+    nearest = _minimum(known, np.ones((kernel_px, kernel_px), np.uint8), (middle, middle))
+    return np.where(known - threshold_m > nearest, np.float32(np.nan), depth_m).astype(np.float32)
+
+
+def interpolated(depth_m: FloatArray) -> FloatArray:
+    """Depth between known pixels, linear in each triangle of their Delaunay triangulation; NaN outside of their hull.
+
+    Args:
+        depth_m: (H, W) float32 metres, NaN unknown.
+
+    Returns:
+        (H, W) float32 metres, NaN unknown; known pixels keep their depth.
+    """
+    from matplotlib.tri import LinearTriInterpolator, Triangulation  # here: it takes long, and few need it
+
+    rows, columns = np.nonzero(np.isfinite(depth_m))
+    # Of fewer than three pixels, or pixels on one line, there is no triangle.
+    if len(rows) < 3 or np.linalg.matrix_rank(np.stack([rows - rows[0], columns - columns[0]])) < 2:
+        return depth_m
+    triangles = LinearTriInterpolator(Triangulation(columns, rows), depth_m[rows, columns].astype(np.float64))
+    grid = np.meshgrid(np.arange(depth_m.shape[1]), np.arange(depth_m.shape[0]))
+    filled = np.ma.filled(triangles(*grid), np.nan).astype(np.float32)
+    return np.where(np.isfinite(depth_m), depth_m, filled)
 
 
 def _minimum(values: FloatArray, kernel: np.ndarray, anchor: tuple[int, int]) -> FloatArray:

@@ -88,13 +88,14 @@ class LidarTruth:
         motion = find_motion(self._ahead, self._topics, self._transforms, camera_frame)
         if motion is not None:
             self._moved = MovedScans(self._ahead, self.topic, motion, self._transforms, self._settings, many=self._many)
-        elif self._many:
+        elif self._many or self._settings.is_published:
             lack = (
                 "it does not say how the vehicle moved; record odometry (nav_msgs/Odometry), or the link from odom to "
                 "the vehicle on /tf"
             )
-            if self._settings.accumulate == "always":
-                raise DriveError(f"the bag's LiDAR scans cannot be accumulated: {lack}")
+            if self._settings.accumulate == "always" or self._settings.is_published:
+                what = "moved to the images' time" if self._settings.is_published else "accumulated"
+                raise DriveError(f"the bag's LiDAR scans cannot be {what}: {lack}")
             self._warn(f"ground truth is the nearest LiDAR scan alone, as it lies at its own time: {lack}")
 
     def _as_it_lies(self, frame: Frame, scan: PointsReading) -> LidarDepth:

@@ -11,6 +11,7 @@ import numpy as np
 from radcam_depth_ros.bags import BagReader
 from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.drive.accumulation import accumulate, without_occluded
+from radcam_depth_ros.drive.published import published_depth
 from radcam_depth_ros.drive.scan_use import LEFT_OUT, MOVED, ScanUse
 from radcam_depth_ros.drive.scans import Scan, ScanWindow
 from radcam_depth_ros.drive.settings import DriveError, DriveSettings
@@ -100,7 +101,13 @@ class MovedScans:
         # The nearest scan is the last one before the image or the first one after it.
         alone = dataclasses.replace(self._config, scans=1, window_s=settings.max_lidar_offset_s)
         window = self._config if many else alone
-        self._window = ScanWindow(reader.messages([lidar, motion.topic]), lidar, motion, transforms, window)
+        self._is_published = settings.is_published
+        messages = (
+            message
+            for message in reader.messages([lidar, motion.topic])
+            if message.topic != lidar or settings.screened(lidar, message.message) is not None
+        )
+        self._window = ScanWindow(messages, lidar, motion, transforms, window)
 
     def depth(self, frame: Frame, scan_ns: int) -> LidarDepth:
         """The depth of a frame.
@@ -120,6 +127,8 @@ class MovedScans:
         if nearest is None or abs(nearest.stamp_ns - frame.stamp_ns) > self._max_offset_ns:
             return self._left_out(frame, scan_ns, self._motion.why_unknown(scan_ns))
         moved = (world_from_camera.inverse() @ nearest.world_from_scan).apply(nearest.points_m)
+        if self._is_published:
+            return LidarDepth(self._moved(frame, nearest), published_depth(moved, frame.camera))
         # The LiDAR sees past things from beside the camera: what shows through their gaps goes.
         single_m = without_occluded(depth_image(moved, frame.camera), frame.camera, self._single)
         many_m = None

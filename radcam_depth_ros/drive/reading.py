@@ -78,13 +78,18 @@ def read_samples(
         fit = _Fit(topics, settings, frame_builder, truth)
         waiting: deque[Frame] = deque()
         wanted = {topics.image, topics.camera_info, *topics.radars, *truth.topics, *moving}
+        screened = {topics.image, *topics.radars, *truth.topics}
         for message in reader.messages(wanted):
-            now_ns = message.log_time_ns
-            truth.add(message.topic, message.message)
+            now_ns, content = message.log_time_ns, message.message
+            if message.topic in screened:
+                content = settings.screened(message.topic, content)
+            if content is None:
+                continue
+            truth.add(message.topic, content)
             waiting.extend(frame_builder.expire(now_ns))
-            waiting.extend(frame_builder.add(moving.get(message.topic, message.topic), message.message, now_ns))
+            waiting.extend(frame_builder.add(moving.get(message.topic, message.topic), content, now_ns))
             if message.topic not in moving:
-                fit.note(message.topic, stamp_ns(message.message.header), now_ns)
+                fit.note(message.topic, stamp_ns(content.header), now_ns)
             while waiting and truth.is_complete(waiting[0], now_ns):
                 yield fit.counted(truth.sample(waiting.popleft()))
         waiting.extend(frame_builder.flush())

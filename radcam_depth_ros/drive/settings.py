@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from radcam_depth_ros.bags import BagReader, TopicInfo
 from radcam_depth_ros.bags.topics import IMAGE_TYPES, SensorTopics, find_topics
@@ -36,6 +37,11 @@ class AccumulationConfig:
         occlusion_px: A pixel is seen through the gaps of something nearer when this many pixels above and below, or
             half as many left and right, there are clearly nearer ones; at a focal length of 630 px. Of a single scan,
             whose beams lie further apart, twice as many.
+        outlier_kernel_px: As published truth for training on nuScenes has it [Singh2023], a pixel of many scans goes
+            where another one is nearer by `outlier_m` in a square of this width around it; 0 for no such filter.
+        outlier_m: See there.
+        interpolate: As there, depth between the pixels that are left is interpolated, linearly over a Delaunay
+            triangulation.
     """
 
     scans: int = 80
@@ -44,11 +50,16 @@ class AccumulationConfig:
     tolerance_m: float = 0.3
     tolerance_share: float = 0.02
     occlusion_px: float = 16.0
+    outlier_kernel_px: int = 0
+    outlier_m: float = 1.5
+    interpolate: bool = False
 
     def __post_init__(self) -> None:
         if self.scans < 1:
             raise DriveError(f"accumulation.scans must be at least 1, got {self.scans}")
-        for name in ("window_s", "window_m", "tolerance_m", "tolerance_share", "occlusion_px"):
+        if self.outlier_kernel_px < 0 or (self.outlier_kernel_px and self.outlier_kernel_px % 2 == 0):
+            raise DriveError(f"accumulation.outlier_kernel_px must be odd, or 0, got {self.outlier_kernel_px}")
+        for name in ("window_s", "window_m", "tolerance_m", "tolerance_share", "occlusion_px", "outlier_m"):
             if not getattr(self, name) >= 0:
                 raise DriveError(f"accumulation.{name} must not be negative, got {getattr(self, name)}")
 
@@ -136,6 +147,15 @@ class DriveSettings:
                 raise DriveError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}")
         if not self.max_lidar_offset_s >= 0:
             raise DriveError(f"max_lidar_offset_s must not be negative, got {self.max_lidar_offset_s}")
+
+    @property
+    def is_published(self) -> bool:
+        """Whether LiDAR depth is that of one moved scan as published evaluations draw it, see `published_depth`."""
+        return False
+
+    def screened(self, topic: str, message: Any) -> Any:
+        """What is read in place of a message of images, radars or LiDAR; None leaves it out."""
+        return message
 
     def find_topics(self, reader: BagReader) -> SensorTopics:
         """The sensors of a bag; BagError names what it lacks."""

@@ -18,6 +18,7 @@ from radcam_depth_ros.messages.encode_images import (
     encode_confidence,
     encode_depth,
     encode_image,
+    encode_jpeg_file,
     encode_preview,
 )
 from radcam_depth_ros.messages.images import (
@@ -78,6 +79,7 @@ __all__ = [
     "encode_confidence",
     "encode_depth",
     "encode_image",
+    "encode_jpeg_file",
     "encode_odometry",
     "encode_points",
     "encode_preview",

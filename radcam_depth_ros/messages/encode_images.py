@@ -156,11 +156,26 @@ def encode_compressed_image(
         raise MessageError(f"expected a jpeg quality from 1 to 100, got {quality}")
     blue_first = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
     _, content = cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return encode_jpeg_file(factory, flat_bytes(content), stamp_ns, frame_id, is_color=image.ndim == 3)
+
+
+def encode_jpeg_file(
+    factory: MessageFactory, content: bytes | ImageArray, stamp_ns: int, frame_id: str, *, is_color: bool = True
+) -> Any:
+    """Writes a JPEG's own bytes as a sensor_msgs/CompressedImage, with the format string of image_transport.
+
+    Args:
+        factory: Builds the message.
+        content: The file, bytes or (N,) uint8.
+        stamp_ns: Nanoseconds.
+        frame_id: The camera's optical frame.
+        is_color: Whether it has three channels, else one.
+    """
     return factory(
         "sensor_msgs/msg/CompressedImage",
         header=make_header(factory, stamp_ns, frame_id),
-        format="rgb8; jpeg compressed bgr8" if image.ndim == 3 else "mono8; jpeg compressed mono8",
-        data=flat_bytes(content),
+        format="rgb8; jpeg compressed bgr8" if is_color else "mono8; jpeg compressed mono8",
+        data=content,
     )
 
 

@@ -51,7 +51,13 @@ class RunPlan:
     @property
     def drive(self) -> DriveSettings:
         """How the bags are read."""
-        return DriveSettings(self.frame_builder, self.topics, self.ground_truth, accumulate="where_possible")
+        return DriveSettings(
+            self.frame_builder,
+            self.topics,
+            self.ground_truth,
+            accumulate="where_possible",
+            accumulation=self.config.accumulation,
+        )
 
     @property
     def rehearsed_drive(self) -> DriveSettings:

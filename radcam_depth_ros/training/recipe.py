@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from radcam_depth_ros import configuration, recipes
+from radcam_depth_ros.drive import AccumulationConfig
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig
 from radcam_depth_ros.training.data.rehearsal import RehearsalConfig
@@ -54,9 +55,11 @@ class OptimiserConfig:
 
     Attributes:
         learning_rate: At its highest. The paper's 2e-4 is for 400 epochs; an hour on two cores wants more.
-        schedule: `cosine` from the highest rate to `final_share` of it, or `step` to half of it for the last third
-            (the paper's 2e-4, then 1e-4).
+        schedule: `cosine` from the highest rate to `final_share` of it, or `step`: at each of `milestones` it falls to
+            `decay` of what it was (by default to half, for the last third).
         final_share: See `schedule`.
+        milestones: Shares of the training, ascending.
+        decay: See `schedule`.
         warm_up_iterations: The rate rises from 0 over these.
         weight_decay: Of AdamW; of weights with two dimensions or more, not of biases and norms.
         clip_norm: Greatest norm of the gradient; 0 for no limit.
@@ -67,6 +70,8 @@ class OptimiserConfig:
     learning_rate: float
     schedule: str
     final_share: float
+    milestones: tuple[float, ...]
+    decay: float
     warm_up_iterations: int
     weight_decay: float
     clip_norm: float
@@ -81,6 +86,10 @@ class OptimiserConfig:
                 "learning_rate must be positive, average_decay in 0 to 1 and clip_norm at least 0, got "
                 f"{self.learning_rate}, {self.average_decay} and {self.clip_norm}"
             )
+        if not 0 < self.decay <= 1 or list(self.milestones) != sorted(self.milestones):
+            raise TrainingError(
+                f"decay must be above 0 and at most 1, and milestones ascending, got {self.decay} and {self.milestones}"
+            )
         if min(self.part_rates.values(), default=0.0) < 0:
             raise TrainingError(f"part_rates must not be negative, got {min(self.part_rates.values())}")
 
@@ -88,7 +97,7 @@ class OptimiserConfig:
         """The learning rate of an iteration, `progress` (0 to 1) of the way through the training."""
         warm = min(1.0, (step + 1) / max(self.warm_up_iterations, 1))
         if self.schedule == "step":
-            return self.learning_rate * warm * (1.0 if progress < 2 / 3 else 0.5)
+            return self.learning_rate * warm * self.decay ** sum(progress >= share for share in self.milestones)
         share = self.final_share + (1 - self.final_share) * 0.5 * (1 + math.cos(math.pi * min(progress, 1.0)))
         return self.learning_rate * warm * share
 
@@ -140,6 +149,7 @@ class TrainingConfig:
         loss: Weights and thresholds of the network's losses that differ from their defaults, see `criterion`.
         distillation: Weights of what a teacher tells, if there is one.
         augmentation: Augmentation.
+        accumulation: How LiDAR scans become the truth that is learned from.
         validation: Validation.
         rehearsal: What is repeated of a former training.
         joint_norms: Batch norms go by the batches of all processes together, not by each one's part. It makes the
@@ -164,6 +174,7 @@ class TrainingConfig:
     loss: Mapping[str, Any]
     distillation: DistillationConfig
     augmentation: AugmentationConfig
+    accumulation: AccumulationConfig
     validation: ValidationConfig
     rehearsal: RehearsalConfig
     joint_norms: bool

@@ -10,7 +10,7 @@ from lidar_drive import CAMERA, SPEED_MPS, WALL_M
 
 from radcam_depth_ros import simulation
 from radcam_depth_ros.drive import AccumulationConfig, DriveError, DriveSettings, DriveWarning, read_samples
-from radcam_depth_ros.drive.accumulation import without_occluded
+from radcam_depth_ros.drive.accumulation import interpolated, without_occluded, without_outliers
 from radcam_depth_ros.frame import FloatArray
 
 Write = Callable[..., Path]
@@ -170,3 +170,46 @@ def test_many_scans_of_a_street_agree_with_its_exact_depth(street: Path) -> None
     assert np.mean(uncut_shares) + 0.01 < np.mean(single_shares) < np.mean(shares)
     assert np.mean(errors) < 0.45
     assert min(gains) > 3.5
+
+
+def test_outliers_are_farther_than_a_pixel_around_them() -> None:
+    depth = np.full((6, 8), np.nan, np.float32)
+    depth[2, 1], depth[2, 4], depth[2, 5], depth[5, 1], depth[0, 7] = 10.0, 11.5, 11.6, 30.0, 40.0
+    # A kernel of 7 reaches 3 pixels: 11.5 is not more than 1.5 beyond 10 in column 1, and 11.6 is one column too far.
+    expected = depth.copy()
+    expected[5, 1] = np.nan  # three rows below 10
+    expected[0, 7] = np.nan  # two columns beside 11.6
+    np.testing.assert_array_equal(without_outliers(depth, 7, 1.5), expected)
+    expected[2, 4] = np.nan
+    np.testing.assert_array_equal(without_outliers(depth, 7, 1.4), expected)
+    np.testing.assert_array_equal(without_outliers(depth, 1, 1.5), depth)
+
+
+def test_depth_is_interpolated_within_triangles() -> None:
+    depth = np.full((5, 7), np.nan, np.float32)
+    depth[0, 0], depth[0, 4], depth[4, 0] = 10.0, 14.0, 18.0
+    rows, columns = np.mgrid[0:5, 0:7]
+    plane = (10.0 + columns + 2.0 * rows).astype(np.float32)
+    inside = columns + rows <= 4
+    np.testing.assert_allclose(interpolated(depth), np.where(inside, plane, np.nan), rtol=1e-6)
+    line = np.full((5, 7), np.nan, np.float32)
+    line[1, :3] = 5.0
+    np.testing.assert_array_equal(interpolated(line), line)
+    np.testing.assert_array_equal(interpolated(np.full((2, 2), np.nan, np.float32)), np.full((2, 2), np.nan))
+
+
+def test_truth_for_training_as_published(write_drive_with: Write) -> None:
+    bag = write_drive_with()
+    published = dataclasses.replace(MANY.accumulation, outlier_kernel_px=7, interpolate=True)
+    plain = list(read_samples(bag, MANY))
+    for sample, other in zip(read_samples(bag, dataclasses.replace(MANY, accumulation=published)), plain, strict=True):
+        rows, columns = np.nonzero(np.isfinite(sample.depth_m))
+        within = sample.depth_m[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        assert np.isfinite(within).all() > np.isfinite(other.depth_m[:, columns.min() : columns.max() + 1]).all()
+        np.testing.assert_array_equal(sample.depth_single_m, other.depth_single_m)
+
+
+@pytest.mark.parametrize("values", [{"outlier_kernel_px": 4}, {"outlier_kernel_px": -1}, {"outlier_m": -1.0}])
+def test_filters_that_are_none_are_refused(values: dict[str, float]) -> None:
+    with pytest.raises(DriveError, match="outlier"):
+        dataclasses.replace(MANY.accumulation, **values)

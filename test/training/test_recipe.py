@@ -32,6 +32,35 @@ def test_shipped_recipes_fit_their_networks(name: str) -> None:
     assert Criterion.of(network, recipe.loss)
 
 
+NUSCENES = {"nuscenes": "baff", **{f"nuscenes_{name}": name for name in ("structured", "lircdepth", "cafnet")}}
+
+
+@pytest.mark.parametrize(("name", "network"), NUSCENES.items())
+def test_recipes_of_nuscenes_have_the_truth_of_the_papers(name: str, network: str) -> None:
+    path = recipes.shipped(name)
+    assert path is not None
+    recipe = load(path)
+    assert registry.create_config(network, recipe.architecture)
+    assert Criterion.of(network, recipe.loss)
+    truth = recipe.accumulation
+    assert (truth.scans, truth.outlier_kernel_px, truth.outlier_m, truth.interpolate) == (80, 7, 1.5, True)
+    assert recipe.device == "cuda"
+
+
+def test_the_rate_falls_at_the_milestones_of_the_papers() -> None:
+    path = recipes.shipped("nuscenes_structured")
+    assert path is not None
+    rate = load(path).optimiser.rate
+    epochs = [rate(10_000, (epoch + 0.5) / 30) for epoch in (0, 4, 5, 9, 10, 29)]
+    assert epochs == pytest.approx([5e-4, 5e-4, 5e-5, 5e-5, 5e-6, 5e-9])
+
+
+def test_milestones_that_do_not_ascend_are_refused() -> None:
+    for values in ({"milestones": [0.5, 0.2]}, {"decay": 0.0}, {"decay": 1.5}):
+        with pytest.raises(TrainingError, match="milestones"):
+            build({"optimiser": values})
+
+
 def test_the_recipe_of_baff_has_every_value_once() -> None:
     path = recipes.shipped("baff")
     assert path is not None
