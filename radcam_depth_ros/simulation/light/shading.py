@@ -20,6 +20,7 @@ from radcam_depth_ros.simulation.settings.looks import NO_LOOKS, Looks
 
 _NOISE = 512
 _MIST_M = 120.0  # how high fog reaches
+_MIRRORS = (Surface.GLASS, Surface.BODYWORK, Surface.MASONRY)
 _GROUND = (Surface.ASPHALT, Surface.PAVING, Surface.GROUND, Surface.PAINT_MARK)
 
 
@@ -86,6 +87,7 @@ class Shader:
         self.beams = looks.beams
         """Whether head lamps have a bright middle, see `shining_lamps`."""
         self._surroundings = Surroundings(rng) if looks.reflections else None
+        self._mirrors = np.isin(np.arange(len(Surface)), _MIRRORS)
         self._wear = road_wear(rng) if looks.wear else None
 
     @property
@@ -268,12 +270,14 @@ class Shader:
         mirrored = direction + normal * (2 * angle)[:, None]
         base = np.where(surface[some] == Surface.GLASS, np.float32(0.09), np.float32(0.045))
         share = gloss[some] * (base + (1 - base) * _power(1 - angle, 2) * (1 - angle))
-        if self._surroundings is None:
-            above = np.clip((mirrored[:, 2:3] - 0.03) / 0.25, 0, 1)
-            around = self._sky * np.float32(self._skyline * 0.5)
-        else:
-            seen, tone = self._surroundings.seen(mirrored, hit.point[some])
-            above, around = seen[:, None], self._sky * tone[:, None]
+        above = np.clip((mirrored[:, 2:3] - 0.03) / 0.25, 0, 1)
+        around = np.broadcast_to(self._sky * np.float32(self._skyline * 0.5), mirrored.shape)
+        if self._surroundings is not None:
+            # Wet roads mirror what stands on them, which no panorama knows.
+            clear = np.flatnonzero(self._mirrors[surface[some]])
+            seen, tone = self._surroundings.seen(mirrored[clear], hit.point[some[clear]])
+            around = around.copy()
+            above[clear], around[clear] = seen[:, None], self._sky * tone[:, None]
         reflected = self._clear_sky(mirrored) * above + around * (1 - above)
         reflected *= (0.35 + 0.65 * openness[some])[:, None]
         if self._sun.max() > 0:

@@ -19,7 +19,7 @@ class Surroundings:
         steps = np.repeat(rng.standard_normal(_SIZE // 16), 16)
         shape = steps if rng.random() < 0.5 else rough
         self._height = np.asarray(np.maximum(rng.uniform(0.02, 0.3) * (1 + 0.6 * shape), 0.01), np.float32)
-        self._tone = np.asarray(np.exp(0.5 * fractal(rng, _SIZE, 0.7)) * rng.uniform(0.06, 0.3), np.float32)
+        self._tone = np.asarray(np.exp(0.4 * fractal(rng, _SIZE, 1.1)) * rng.uniform(0.06, 0.3), np.float32)
         self._ground = np.float32(rng.uniform(0.08, 0.3))
 
     def seen(self, direction: FloatArray, point: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -32,7 +32,7 @@ class Surroundings:
         column = (angle * np.float32(_SIZE / (2 * np.pi))).astype(np.int32) & (_SIZE - 1)
         up = direction[:, 2]
         row = (up * np.float32(_SIZE)).astype(np.int32) & (_SIZE - 1)
-        sky = np.clip((up - self._height[column]) * np.float32(60) + np.float32(0.5), 0, 1)
+        sky = np.clip((up - self._height[column]) * np.float32(25) + np.float32(0.5), 0, 1)
         below = np.clip(up * np.float32(40) + np.float32(0.5), 0, 1)
         tone = self._ground * (1 - below) + self._tone[row, column] * below
         return np.asarray(sky, np.float32), np.asarray(tone, np.float32)
