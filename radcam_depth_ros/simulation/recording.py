@@ -89,7 +89,8 @@ class SimulatedDrive:
         self._row_s = own.uniform(0.008, 0.033) / camera.height
         self._bonnet = Bonnet(own, camera.width, camera.height) if self.looks.bonnet else None
         self._camera = CameraUnit(lens, camera.width, camera.height, light.rain, light.random, self.looks)
-        self._shader = Shader(generator(seed, Stream.LENS, 1), self.world.atlas, light, self.world.style.wetness, self.looks)
+        style = self.world.style
+        self._shader = Shader(generator(seed, Stream.LENS, 1), self.world.atlas, light, style.wetness, self.looks)
 
     def record(self, writer: BagWriter, progress: Progress | None = None) -> None:
         """Writes all messages in the order of their stamps."""

@@ -57,9 +57,7 @@ class Lamps:
         return total
 
 
-def _beam(
-    towards: FloatArray, distance: FloatArray, down: FloatArray, aim: FloatArray, is_narrow: bool
-) -> FloatArray:
+def _beam(towards: FloatArray, distance: FloatArray, down: FloatArray, aim: FloatArray, is_narrow: bool) -> FloatArray:
     """Shape of a dipped beam: wide, bright below the horizon, nearly dark above."""
     ahead = -(towards @ aim) / distance
     aside = np.maximum(1 - ahead, 0)

@@ -48,7 +48,9 @@ def poster(rng: np.random.Generator, size: int) -> FloatArray:
 def write(rng: np.random.Generator, picture: FloatArray, height_px: float) -> None:
     """Writes a word of letters `height_px` high somewhere into a picture (H, W, 3), in place, in an ink that shows."""
     count = int(rng.integers(3, 11))
-    drawn = [(_LETTERS, _VOWELS)[place % 2][int(rng.integers(5 if place % 2 else len(_LETTERS)))] for place in range(count)]
+    drawn = [
+        (_LETTERS, _VOWELS)[place % 2][int(rng.integers(5 if place % 2 else len(_LETTERS)))] for place in range(count)
+    ]
     font, thick = _FONTS[int(rng.integers(len(_FONTS)))], int(rng.integers(1, 5))
     scale = height_px / 22
     word = "".join(drawn)

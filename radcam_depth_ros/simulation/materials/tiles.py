@@ -321,7 +321,11 @@ def _clipped(rng: np.random.Generator) -> npt.NDArray[np.floating]:
 def _meadow(rng: np.random.Generator) -> npt.NDArray[np.floating]:
     """Blades and tufts between bare spots."""
     blades = 1 + 0.45 * fractal(rng, TILE, 0.1, 12) + 0.3 * fractal(rng, TILE, 0.9, 3)
-    tile = 0.55 * np.clip(blades, 0.1, 2.2)[..., None] * (1 + np.array((0.25, 0.05, -0.1)) * fractal(rng, TILE, 1.0)[..., None])
+    tile = (
+        0.55
+        * np.clip(blades, 0.1, 2.2)[..., None]
+        * (1 + np.array((0.25, 0.05, -0.1)) * fractal(rng, TILE, 1.0)[..., None])
+    )
     bare = np.clip(fractal(rng, TILE, 1.5, 2) - 1.2, 0, 1)[..., None]
     return np.asarray(tile * (1 - bare) + bare * np.array((0.6, 0.5, 0.45)), np.float32)
 

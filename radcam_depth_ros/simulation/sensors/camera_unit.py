@@ -41,7 +41,7 @@ class CameraUnit:
             looks: What its pictures have; nothing without.
         """
         self._optics = Optics(rng, width, height, rain, looks.dirt)
-        self._key = log_uniform(rng, 0.1, 0.42)
+        self._key = log_uniform(rng, 0.08, 0.36)
         self._metering = rng.uniform(0.5, 1.0)
         # Exposure control misses, and it cannot make a day of the night.
         self._unsteady, self._floor = rng.uniform(0.03, 0.25), log_uniform(rng, 1e-4, 8e-4)
@@ -51,7 +51,7 @@ class CameraUnit:
         self._adapts = rng.uniform(0.5, 0.95) if looks.white_balance else rng.uniform(0, 0.3)
         self._saturation = rng.uniform(0.55, 1.25) if rng.random() < 0.97 else 0.0
         self._tone = _tone_curve(rng, random)
-        self._sharpen = rng.uniform(0, 1.0) if rng.random() < 0.5 else 0.0
+        self._sharpen = rng.uniform(0, 1.0) if rng.random() < 0.65 else 0.0
         self._halo_px = rng.uniform(0.6, 1.6)
         self._mosaic = bool(rng.random() < 0.5)
         self._shot, self._read = rng.uniform(0.002, 0.02), rng.uniform(0.001, 0.008)
@@ -121,7 +121,7 @@ def _tone_curve(rng: np.random.Generator, random: bool) -> FloatArray:
     filmic = pick(rng, (0.0, 0.5, 1.0), (0.65, 0.2, 0.15))
     curve = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
     tone = np.minimum(light, 1) ** (1 / gamma) * (1 - filmic) + np.minimum(curve, 1) ** (1 / gamma) * filmic
-    contrast = rng.uniform(-0.15, 0.6)
+    contrast = rng.uniform(-0.1, 0.8)
     tone = tone + contrast * (tone * tone * (3 - 2 * tone) - tone)
     flat = rng.random() < 0.12
     black = float(rng.uniform(0.05, 0.22) if flat else rng.uniform(-0.02, 0.08))
