@@ -311,11 +311,13 @@ def _lettered_sign(rng: np.random.Generator) -> npt.NDArray[np.floating]:
 
 
 def _leafy(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    return leaves(rng, TILE, 700, rng.uniform(5, 11)) * (1 + 0.15 * fractal(rng, TILE, 1.3)[..., None])
+    shade = 1 + 0.15 * fractal(rng, TILE, 1.3) + 0.2 * fractal(rng, TILE, 0.25, 4)
+    return leaves(rng, TILE, 700, rng.uniform(5, 11)) * shade[..., None]
 
 
 def _clipped(rng: np.random.Generator) -> npt.NDArray[np.floating]:
-    return leaves(rng, TILE, 900, rng.uniform(3, 6)) * (1 + 0.2 * fractal(rng, TILE, 1.3)[..., None])
+    shade = 1 + 0.2 * fractal(rng, TILE, 1.3) + 0.2 * fractal(rng, TILE, 0.35, 4)
+    return leaves(rng, TILE, 900, rng.uniform(3, 6)) * shade[..., None]
 
 
 def _meadow(rng: np.random.Generator) -> npt.NDArray[np.floating]:
