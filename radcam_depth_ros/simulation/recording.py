@@ -15,6 +15,7 @@ from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.simulation.light.shading import Shader
 from radcam_depth_ros.simulation.objects.scene import Scene
 from radcam_depth_ros.simulation.sensors import rig
+from radcam_depth_ros.simulation.sensors.bonnet import Bonnet
 from radcam_depth_ros.simulation.sensors.camera import render
 from radcam_depth_ros.simulation.sensors.camera_unit import CameraUnit
 from radcam_depth_ros.simulation.sensors.lidar import sweep_lidar
@@ -25,6 +26,7 @@ from radcam_depth_ros.simulation.sensors.radar_unit import RadarUnit, draw_imagi
 from radcam_depth_ros.simulation.sensors.rig import draw_rig
 from radcam_depth_ros.simulation.settings.configuration import SimulationConfig
 from radcam_depth_ros.simulation.settings.errors import SimulationError
+from radcam_depth_ros.simulation.settings.looks import draw_looks
 from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 from radcam_depth_ros.simulation.timetable import LEAD_S, Event, Sensor, draw_timetable
 from radcam_depth_ros.simulation.world.centre_line import DoubleArray
@@ -72,7 +74,8 @@ class SimulatedDrive:
     def __init__(self, config: SimulationConfig, seed: int, frames: int) -> None:
         """Builds the world of a seed; see `simulate`."""
         self.config, self._seed, self._frames = config, seed, frames
-        self.world = World(seed, config.world, LEAD_S + frames / config.camera.rate_hz + 1.0)
+        self.looks = draw_looks(seed, config.looks)
+        self.world = World(seed, config.world, LEAD_S + frames / config.camera.rate_hz + 1.0, self.looks)
         self.rig = draw_rig(seed, config.camera, config.radar, config.imaging_radar, config.lidar)
         self._radar = draw_radar(config.radar, generator(seed, Stream.RIG, 1))
         self._imaging_radar = draw_imaging_radar(config.imaging_radar, generator(seed, Stream.RIG, 2))
@@ -81,8 +84,13 @@ class SimulatedDrive:
         low, high = config.camera.min_jpeg_quality, config.camera.max_jpeg_quality
         self._quality = low + int(lens.random() * (high - low + 0.999))
         light, camera = self.world.light, self.rig.camera
-        self._camera = CameraUnit(lens, camera.width, camera.height, light.rain, light.random)
-        self._shader = Shader(generator(seed, Stream.LENS, 1), self.world.atlas, light, self.world.style.wetness)
+        own = generator(seed, Stream.LOOKS, 1)
+        # From the first to the last row a shutter takes 8 to 33 ms.
+        self._row_s = own.uniform(0.008, 0.033) / camera.height
+        self._bonnet = Bonnet(own, camera.width, camera.height) if self.looks.bonnet else None
+        self._camera = CameraUnit(lens, camera.width, camera.height, light.rain, light.random, self.looks)
+        style = self.world.style
+        self._shader = Shader(generator(seed, Stream.LENS, 1), self.world.atlas, light, style.wetness, self.looks)
 
     def record(self, writer: BagWriter, progress: Progress | None = None) -> None:
         """Writes all messages in the order of their stamps."""
@@ -184,9 +192,12 @@ class SimulatedDrive:
     def _write_image(self, writer: BagWriter, event: Event) -> None:
         scene, motion, pose = self._at(event, rig.CAMERA)
         config, rng = self.config.camera, self._random(Stream.CAMERA, event)
-        view = render(scene, self.rig.camera, pose, self._shader, config.edge_samples, rng)
+        turn = motion.rotation_rate * self._row_s if self.looks.rolling_shutter else None
+        view = render(scene, self.rig.camera, pose, self._shader, config.edge_samples, rng, turn)
         velocity = motion.velocity_at(self.rig.footprint_from(rig.CAMERA).translation)
         moved = motion_field(self.rig.camera, pose, view.depth_m, view.velocity, velocity, motion.rotation_rate, step=4)
+        if self._bonnet is not None:
+            view, moved = self._bonnet.before(view, self._shader.open_sky), self._bonnet.held(moved)
         image = self._camera.develop(view.radiance, rng, moved)
         stamp_ns, frame = self.stamp_ns(event.time_s), rig.CAMERA
         if config.jpeg:

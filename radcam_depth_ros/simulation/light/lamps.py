@@ -15,7 +15,7 @@ from radcam_depth_ros.simulation.objects.scene import Scene
 
 VEHICLES = (Label.CAR, Label.TRUCK, Label.BUS, Label.MOTORCYCLE)
 _STREET_REACH_M, _BEAM_REACH_M = 25.0, 60.0
-_MOST_LAMPS, _MOST_BEAMS = 16, 6
+_MOST_LAMPS, _MOST_BEAMS, _MOST_TAILS = 16, 6, 4
 _APART_M = 0.8
 _HALL_CANDELA = 700.0
 # Below the camera and ahead of it, in its axes: where the own head lamps are.
@@ -30,11 +30,13 @@ class Lamps:
         place: (L, 3) float32, world.
         aim: (L, 3) float32, unit direction of a head lamp's beam; zeros for a lamp that shines downwards.
         power: (L, 3) float32, (R, G, B) of candela over the full light in lux.
+        is_narrow: Whether beams have a bright middle and fall off steeply.
     """
 
     place: FloatArray
     aim: FloatArray
     power: FloatArray
+    is_narrow: bool = False
 
     def light(self, point: FloatArray, normal: FloatArray) -> FloatArray:
         """Light (N, 3) on surfaces at points (N, 3) with normals (N, 3), relative to full light."""
@@ -49,23 +51,34 @@ class Lamps:
             distance = np.sqrt(square)
             cosine = np.maximum(np.einsum("ni,ni->n", normal[near], towards), 0) / distance
             sine = towards[:, 2] / distance
-            shape = _beam(towards, distance, sine, aim) if beam else np.clip(sine + 0.15, 0.03, 1)
+            shape = _beam(towards, distance, sine, aim, self.is_narrow) if beam else np.clip(sine + 0.15, 0.03, 1)
             fade = np.square(np.maximum(1 - square / reach**2, 0))
             total[near] += (shape * cosine * fade / square)[:, None] * power
         return total
 
 
-def _beam(towards: FloatArray, distance: FloatArray, down: FloatArray, aim: FloatArray) -> FloatArray:
+def _beam(towards: FloatArray, distance: FloatArray, down: FloatArray, aim: FloatArray, is_narrow: bool) -> FloatArray:
     """Shape of a dipped beam: wide, bright below the horizon, nearly dark above."""
     ahead = -(towards @ aim) / distance
-    wide = np.exp(-np.square(np.maximum(1 - ahead, 0) / np.float32(0.09)))
+    aside = np.maximum(1 - ahead, 0)
+    wide = np.exp(-np.square(aside / np.float32(0.09)))
+    if is_narrow:
+        # Half of the light within some 9 degrees, a little to all sides.
+        wide = np.float32(0.15) * wide + np.exp(-aside / np.float32(0.012))
     below = np.exp(-np.maximum(down, 0) / np.float32(0.10))
     cut = np.clip(0.5 + down / np.float32(0.02), 0.04, 1)
     return np.asarray(np.where(ahead > 0, wide * below * cut, 0), np.float32)
 
 
-def shining_lamps(scene: Scene, light: Light, world_from_camera: RigidTransform) -> Lamps:
-    """The lamps nearest to a camera that make a difference under this light."""
+def shining_lamps(scene: Scene, light: Light, world_from_camera: RigidTransform, beams: bool = False) -> Lamps:
+    """The lamps nearest to a camera that make a difference under this light.
+
+    Args:
+        scene: What is lit.
+        light: Of the seed.
+        world_from_camera: The camera's pose.
+        beams: Whether head lamps have a bright middle, and tail lamps give light.
+    """
     eye = world_from_camera.translation.astype(np.float32)
     faces, count = scene.faces, scene.count
     shining = np.flatnonzero(faces.surface[:count] == Surface.LAMP)
@@ -76,22 +89,34 @@ def shining_lamps(scene: Scene, light: Light, world_from_camera: RigidTransform)
     if max(light.street_lamps) > 0:
         found.append(_all_round(scene, shining[label == Label.POLE], np.array(light.street_lamps), eye))
     if light.beam_candela > 0:
-        found += [_own(light, world_from_camera), _beams(scene, shining[vehicle], light, eye)]
+        found += [_own(light, world_from_camera, beams), _beams(scene, shining[vehicle], light, eye)]
+        if beams:
+            glass = scene.faces.colour[shining]
+            red = vehicle & (glass[:, 0] > 4 * glass[:, 1]) & (np.abs(scene.velocity[shining]).sum(axis=1) > 0.5)
+            candela = (12.0 + 40.0 * light.braking) * np.array([1.0, 0.06, 0.03])
+            found.append(_all_round(scene, shining[red], candela, eye, _MOST_TAILS))
     parts = zip(*((lamps.place, lamps.aim, lamps.power) for lamps in found), strict=True)
-    return Lamps(*(np.concatenate(part).astype(np.float32) for part in parts))
+    place, aim, power = (np.concatenate(part).astype(np.float32) for part in parts)
+    return Lamps(place, aim, power, beams)
 
 
-def _own(light: Light, world_from_camera: RigidTransform) -> Lamps:
+def _own(light: Light, world_from_camera: RigidTransform, two: bool) -> Lamps:
+    """The own head lamps: one in the middle, or two that are seen to be two."""
     forward = world_from_camera.rotation[:, 2]
-    place = world_from_camera.apply(np.array([_OWN_LAMP])).astype(np.float32)
-    power = np.full((1, 3), 2 * light.beam_candela / FULL_LUX, np.float32)
-    return Lamps(place, forward[None].astype(np.float32), power)
+    aside = (-0.7, 0.7) if two else (0.0,)
+    place = world_from_camera.apply(np.array([(x, *_OWN_LAMP[1:]) for x in aside])).astype(np.float32)
+    power = np.full((len(aside), 3), (2 + two) / len(aside) * light.beam_candela / FULL_LUX, np.float32)
+    return Lamps(place, np.tile(forward.astype(np.float32), (len(aside), 1)), power)
 
 
 def _all_round(
-    scene: Scene, faces: npt.NDArray[np.integer], candela: npt.NDArray[np.floating], eye: FloatArray
+    scene: Scene,
+    faces: npt.NDArray[np.integer],
+    candela: npt.NDArray[np.floating],
+    eye: FloatArray,
+    most: int = _MOST_LAMPS,
 ) -> Lamps:
-    place, _ = _clusters(scene, faces, eye, _MOST_LAMPS)
+    place, _ = _clusters(scene, faces, eye, most)
     return Lamps(place, np.zeros_like(place), np.tile(candela / FULL_LUX, (len(place), 1)).astype(np.float32))
 
 

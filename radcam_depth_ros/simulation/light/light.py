@@ -192,7 +192,8 @@ def _randomised(rng: np.random.Generator, light: Light) -> Light:
     level = max(light.sky)
 
     def colour(spread: float) -> Colour:
-        return _triple(level * np.exp(rng.normal(0, spread, 3)))
+        # Brightness is free, the tint is one that lamps and skies have.
+        return _triple(level * np.exp(rng.normal(0, spread)) * np.exp(rng.normal(0, 0.12, 3)))
 
     sunny = rng.random() < 0.5
     return replace(

@@ -10,13 +10,17 @@ import numpy.typing as npt
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.simulation.light.lamps import VEHICLES, Lamps
 from radcam_depth_ros.simulation.light.light import Light
+from radcam_depth_ros.simulation.light.surroundings import Surroundings
 from radcam_depth_ros.simulation.materials.surfaces import Label, Surface, surface_table
 from radcam_depth_ros.simulation.materials.textures import TextureAtlas
 from radcam_depth_ros.simulation.materials.tiles import fractal
+from radcam_depth_ros.simulation.materials.wear import WEAR_M, road_wear
 from radcam_depth_ros.simulation.objects.scene import Hits, Scene
+from radcam_depth_ros.simulation.settings.looks import NO_LOOKS, Looks
 
 _NOISE = 512
 _MIST_M = 120.0  # how high fog reaches
+_MIRRORS = (Surface.GLASS, Surface.BODYWORK, Surface.MASONRY)
 _GROUND = (Surface.ASPHALT, Surface.PAVING, Surface.GROUND, Surface.PAINT_MARK)
 
 
@@ -57,7 +61,9 @@ def locate(scene: Scene, hits: Hits, origin: npt.NDArray[np.floating], direction
 class Shader:
     """Turns hits into radiance, relative to a white surface under the open sky."""
 
-    def __init__(self, rng: np.random.Generator, atlas: TextureAtlas, light: Light, wetness: float) -> None:
+    def __init__(
+        self, rng: np.random.Generator, atlas: TextureAtlas, light: Light, wetness: float, looks: Looks = NO_LOOKS
+    ) -> None:
         self._atlas = atlas
         self.light = light
         """The light that it shades by."""
@@ -78,6 +84,16 @@ class Shader:
         self._blotches = rng.uniform(0.02, 0.25)
         self._tilt = rng.normal(0, 0.12, 3).astype(np.float32)
         self._skyline = rng.uniform(0.1, 0.5)
+        self.beams = looks.beams
+        """Whether head lamps have a bright middle, see `shining_lamps`."""
+        self._surroundings = Surroundings(rng) if looks.reflections else None
+        self._mirrors = np.isin(np.arange(len(Surface)), _MIRRORS)
+        self._wear = road_wear(rng) if looks.wear else None
+
+    @property
+    def open_sky(self) -> FloatArray:
+        """(3,) float32 light from all of the sky."""
+        return self._sky
 
     def sky(self, direction: FloatArray) -> FloatArray:
         """Radiance (N, 3) of the sky in unit directions (N, 3)."""
@@ -201,7 +217,18 @@ class Shader:
         blotch = self._look_up(self._noise, x, y, 31.0) * self._blotches
         blotch += self._look_up(self._noise, y, x, 2.3) * 0.10 * np.clip(1.5 - size / 0.03, 0, 1)
         albedo[rough] *= np.exp(blotch)[:, None]
+        if self._wear is not None:
+            sealed = rough[(surface[rough] == Surface.ASPHALT) & (footprint[rough] < 0.3)]
+            albedo[sealed] *= self._worn(hit.point[sealed])[:, None]
         return np.minimum(albedo, 1.0), shine
+
+    def _worn(self, point: FloatArray) -> FloatArray:
+        """Factors (N,) of the albedo of a road at points (N, 3)."""
+        if self._wear is None:
+            return np.ones(len(point), np.float32)
+        size = len(self._wear)
+        place = np.floor(point[:, :2] * np.float32(size / WEAR_M)).astype(np.int32) & (size - 1)
+        return np.asarray(self._wear[place[:, 1], place[:, 0]], np.float32)
 
     def _patches(self, point: FloatArray) -> FloatArray:
         if self.light.patches <= 0:
@@ -243,9 +270,14 @@ class Shader:
         mirrored = direction + normal * (2 * angle)[:, None]
         base = np.where(surface[some] == Surface.GLASS, np.float32(0.09), np.float32(0.045))
         share = gloss[some] * (base + (1 - base) * _power(1 - angle, 2) * (1 - angle))
-        height = mirrored[:, 2:3]
-        above = np.clip((height - 0.03) / 0.25, 0, 1)
-        around = self._sky * np.float32(self._skyline * 0.5)
+        above = np.clip((mirrored[:, 2:3] - 0.03) / 0.25, 0, 1)
+        around = np.broadcast_to(self._sky * np.float32(self._skyline * 0.5), mirrored.shape)
+        if self._surroundings is not None:
+            # Wet roads mirror what stands on them, which no panorama knows.
+            clear = np.flatnonzero(self._mirrors[surface[some]])
+            seen, tone = self._surroundings.seen(mirrored[clear], hit.point[some[clear]])
+            around = around.copy()
+            above[clear], around[clear] = seen[:, None], self._sky * tone[:, None]
         reflected = self._clear_sky(mirrored) * above + around * (1 - above)
         reflected *= (0.35 + 0.65 * openness[some])[:, None]
         if self._sun.max() > 0:

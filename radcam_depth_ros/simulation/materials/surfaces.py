@@ -94,9 +94,17 @@ class Texture(IntEnum):
     LITTER = 28
     STRIPES = 29
     BRICK = 30
+    LIVERY_0 = 31
+    LIVERY_1 = 32
+    LIVERY_2 = 33
+    LIVERY_3 = 34
+    POSTER = 35
 
 
 FACADES = tuple(texture for texture in Texture if texture.name.startswith("FACADE"))
+
+LIVERIES = tuple(texture for texture in Texture if texture.name.startswith("LIVERY"))
+"""What is written and painted on the flanks of vehicles."""
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,18 @@ class TextureAtlas:
     that the windows of a facade shine and its wall does not.
     """
 
-    def __init__(self, rng: np.random.Generator, is_random: bool = False) -> None:
-        """Paints the tiles; where `is_random`, with patterns that have nothing to do with what they are on."""
-        tiles = random_tiles(rng) if is_random else paint_tiles(rng)
+    def __init__(
+        self, rng: np.random.Generator, is_random: bool = False, lettering: bool = False, wear: bool = False
+    ) -> None:
+        """Paints the tiles.
+
+        Args:
+            rng: Random generator.
+            is_random: With patterns that have nothing to do with what they are on.
+            lettering: With letters and pictures on vehicles, shops and boards.
+            wear: With leaves and chippings in fine detail.
+        """
+        tiles = random_tiles(rng) if is_random else paint_tiles(rng, lettering, wear)
         self._columns = 6
         rows = -(-len(tiles) // self._columns)
         pitches = [(TILE >> level) + 2 * _BORDER for level in range(_LEVELS)]

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.materials.surfaces import FACADES, Colour, Texture
+from radcam_depth_ros.simulation.materials.lettering import livery, poster, write
+from radcam_depth_ros.simulation.materials.surfaces import FACADES, LIVERIES, Colour, Texture
+from radcam_depth_ros.simulation.materials.wear import chippings, leaves
 
 TILE = 256
 """Pixels along a side of a tile at its finest."""
@@ -31,8 +33,14 @@ def fractal(rng: np.random.Generator, size: int, roughness: float, coarsest: flo
     return np.asarray((noise - noise.mean()) / (noise.std() + 1e-12), np.float32)
 
 
-def paint_tiles(rng: np.random.Generator) -> list[FloatArray]:
-    """The tiles of a world in the order of `Texture`: (TILE, TILE, 4) float32, colour and gloss."""
+def paint_tiles(rng: np.random.Generator, lettering: bool = False, wear: bool = False) -> list[FloatArray]:
+    """The tiles of a world in the order of `Texture`: (TILE, TILE, 4) float32, colour and gloss.
+
+    Args:
+        rng: Random generator.
+        lettering: Whether something is written on vehicles, shops and boards.
+        wear: Whether plants and roads have fine detail.
+    """
     painters: dict[Texture, Callable[[np.random.Generator], npt.NDArray[np.floating]]] = {
         Texture.PLAIN: lambda _: _grey(np.ones((TILE, TILE))),
         Texture.ASPHALT: _asphalt,
@@ -60,7 +68,11 @@ def paint_tiles(rng: np.random.Generator) -> list[FloatArray]:
         Texture.STRIPES: _stripes,
         Texture.BRICK: lambda r: _slabs(r, 8, 24, 0.12, 0.5),
         **dict.fromkeys(FACADES, _facade),
+        **dict.fromkeys(LIVERIES, lambda _: _grey(np.ones((TILE, TILE)))),
+        Texture.POSTER: _sign,
     }
+    painters |= _LETTERED if lettering else {}
+    painters |= _WORN if wear else {}
     tiles = []
     for texture in Texture:
         tile = np.asarray(painters[texture](rng), np.float32)
@@ -276,3 +288,68 @@ def _shop(rng: np.random.Generator) -> npt.NDArray[np.floating]:
         if rng.random() < 0.5:
             tile[120:236, x + 8 : x + 60, :3] += rng.uniform(0, 0.25, 3)
     return tile
+
+
+def _lettered_shop(rng: np.random.Generator) -> npt.NDArray[np.floating]:
+    """A shop front with a name over it and prints in its windows."""
+    tile = np.asarray(_shop(rng), np.float32)
+    sign = np.full((36, 240, 3), rng.uniform(0.02, 0.9, 3), np.float32)
+    write(rng, sign, rng.uniform(12, 22))
+    tile[20:56, 8:248, :3] = sign
+    for x in (12, 92, 172):
+        if rng.random() < 0.5:
+            tile[90:180, x + 6 : x + 66, :3] = cv2.resize(poster(rng, 64)[::-1], (60, 90))
+    return tile
+
+
+def _lettered_sign(rng: np.random.Generator) -> npt.NDArray[np.floating]:
+    """Lines of words, often on a darker ground; its first row is the lowest."""
+    tile = np.full((TILE, TILE, 3), rng.uniform(0.35, 1.0), np.float32)
+    for _ in range(int(rng.integers(2, 6))):
+        write(rng, tile, TILE * float(rng.uniform(0.06, 0.25)))
+    return tile[::-1]
+
+
+def _leafy(rng: np.random.Generator) -> npt.NDArray[np.floating]:
+    shade = 1 + 0.15 * fractal(rng, TILE, 1.3) + 0.2 * fractal(rng, TILE, 0.25, 4)
+    return leaves(rng, TILE, 700, rng.uniform(5, 11)) * shade[..., None]
+
+
+def _clipped(rng: np.random.Generator) -> npt.NDArray[np.floating]:
+    shade = 1 + 0.2 * fractal(rng, TILE, 1.3) + 0.2 * fractal(rng, TILE, 0.35, 4)
+    return leaves(rng, TILE, 900, rng.uniform(3, 6)) * shade[..., None]
+
+
+def _meadow(rng: np.random.Generator) -> npt.NDArray[np.floating]:
+    """Blades and tufts between bare spots."""
+    blades = 1 + 0.45 * fractal(rng, TILE, 0.1, 12) + 0.3 * fractal(rng, TILE, 0.9, 3)
+    tile = (
+        0.55
+        * np.clip(blades, 0.1, 2.2)[..., None]
+        * (1 + np.array((0.25, 0.05, -0.1)) * fractal(rng, TILE, 1.0)[..., None])
+    )
+    bare = np.clip(fractal(rng, TILE, 1.5, 2) - 1.2, 0, 1)[..., None]
+    return np.asarray(tile * (1 - bare) + bare * np.array((0.6, 0.5, 0.45)), np.float32)
+
+
+def _stony(rng: np.random.Generator) -> npt.NDArray[np.floating]:
+    return _asphalt(rng) * chippings(rng, TILE)[..., None]
+
+
+def _stony_patched(rng: np.random.Generator) -> npt.NDArray[np.floating]:
+    return _patched_asphalt(rng) * chippings(rng, TILE)[..., None]
+
+
+_LETTERED: dict[Texture, Callable[[np.random.Generator], npt.NDArray[np.floating]]] = {
+    **dict.fromkeys(LIVERIES, lambda r: livery(r, TILE)),
+    Texture.POSTER: lambda r: poster(r, TILE),
+    Texture.SHOP: _lettered_shop,
+    Texture.SIGN: _lettered_sign,
+}
+_WORN: dict[Texture, Callable[[np.random.Generator], npt.NDArray[np.floating]]] = {
+    Texture.LEAF: _leafy,
+    Texture.HEDGE: _clipped,
+    Texture.GRASS: _meadow,
+    Texture.ASPHALT: _stony,
+    Texture.ASPHALT_PATCHED: _stony_patched,
+}

@@ -112,7 +112,7 @@ def _shell(shape: _Shape, cabin_share: float, body: Material) -> list[Mesh]:
     ]
     width = shape.width
     return [
-        prism(lower, width, body, width * 0.97, bulge=0.16),
+        prism(lower, width, body, width * 0.97, bulge=0.16, flank=Texture.LIVERY_0),
         prism(upper, width * cabin_share, glass(body.label), width * 0.74, bulge=0.1),
         prism(roof, width * 0.765, body, width * 0.72, bulge=0.05),
     ]

@@ -137,7 +137,7 @@ def shelter(rng: np.random.Generator) -> Mesh:
     """A bus stop open towards -y."""
     steel = Material(Surface.METAL, Label.BUILDING, (0.15, 0.15, 0.16))
     glass = Material(Surface.GLASS, Label.BUILDING, (0.10, 0.12, 0.12))
-    poster = Material(Surface.SIGN_FACE, Label.BUILDING, tuple(rng.uniform(0.1, 0.8, 3)), Texture.SIGN)
+    poster = Material(Surface.SIGN_FACE, Label.BUILDING, tuple(rng.uniform(0.1, 0.8, 3)), Texture.POSTER, 1.9)
     return join(
         [
             box([4.2, 1.6, 0.12], [0, 0.7, 2.5], steel),

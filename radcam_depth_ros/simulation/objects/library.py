@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radcam_depth_ros.simulation.materials.surfaces import Surface, scaled
+from radcam_depth_ros.simulation.materials.surfaces import LIVERIES, Colour, Surface, Texture, scaled
 from radcam_depth_ros.simulation.objects.animals import AnimalKind, build_animal
 from radcam_depth_ros.simulation.objects.bicycles import build_bicycle, build_motorcycle
 from radcam_depth_ros.simulation.objects.mesh import Mesh
@@ -20,6 +20,9 @@ from radcam_depth_ros.simulation.settings.style import StreetStyle
 
 _CARS = (VehicleKind.HATCHBACK, VehicleKind.SALOON, VehicleKind.ESTATE, VehicleKind.SUV)
 _LARGE = (VehicleKind.VAN, VehicleKind.VAN, VehicleKind.TRUCK, VehicleKind.ARTICULATED, VehicleKind.BUS)
+
+# Shares with something on their flanks, and how bright white print is.
+_LETTERED_LARGE, _LETTERED_CARS, _PRINT = 0.6, 0.07, 0.9
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,7 @@ class Library:
         animals: One of each kind.
         walkers: People on foot, each in the poses of one double step.
         plants: Several of each kind.
+        lettering: Whether something is written on vehicles' flanks.
     """
 
     cars: tuple[Vehicle, ...]
@@ -47,6 +51,7 @@ class Library:
     animals: dict[AnimalKind, Mesh]
     walkers: tuple[tuple[Mesh, ...], ...]
     plants: dict[PlantKind, tuple[Plant, ...]]
+    lettering: bool = False
 
     def draw_vehicle(self, rng: np.random.Generator, large: float) -> Vehicle:
         """A vehicle in traffic, of any colour; `large` is the share of vans, trucks and buses."""
@@ -60,7 +65,9 @@ class Library:
         return replace(vehicle, mesh=with_lamps_off(vehicle.mesh))
 
     def _draw_closed(self, rng: np.random.Generator, large: float) -> Vehicle:
-        return repainted(pick(rng, self.large if rng.random() < large else self.cars), rng)
+        is_large = rng.random() < large
+        share = (_LETTERED_LARGE if is_large else _LETTERED_CARS) * self.lettering
+        return repainted(pick(rng, self.large if is_large else self.cars), rng, share)
 
     def draw_tree(self, rng: np.random.Generator, style: StreetStyle) -> Plant:
         """A tree as the season and the place have them."""
@@ -73,9 +80,10 @@ class Library:
         return pick(rng, self.plants[PlantKind.BARE_BUSH if rng.random() < style.bare * 0.7 else PlantKind.BUSH])
 
 
-def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
-    """The vehicle in another colour, and as dirty as it happens to be."""
-    mesh = vehicle.mesh.recoloured(Surface.BODYWORK, paint(rng))
+def repainted(vehicle: Vehicle, rng: np.random.Generator, lettered: float = 0.0) -> Vehicle:
+    """The vehicle in another colour, as dirty as it happens to be, with something on its flanks in a share of cases."""
+    colour = paint(rng)
+    mesh = _lettered(vehicle.mesh.recoloured(Surface.BODYWORK, colour), colour, lettered)
     grime = rng.uniform(0, 0.7) * float(rng.random() < 0.6)
     if grime > 0:
         height = mesh.corners[..., 2].mean(axis=1)
@@ -84,7 +92,25 @@ def repainted(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     return replace(vehicle, mesh=mesh)
 
 
-def build_library(rng: np.random.Generator, style: StreetStyle) -> Library:
+def _lettered(mesh: Mesh, colour: Colour, share: float) -> Mesh:
+    """The mesh with a print on the faces that are marked for it, or with those plain."""
+    flank = np.isin(mesh.texture, LIVERIES)
+    if not flank.any():
+        return mesh
+    # The paint decides, so that prints take no numbers from what places the vehicles.
+    own = np.random.default_rng(int(sum(colour) * 1e9))
+    if own.random() >= share:
+        plain = np.where(mesh.surface == Surface.CANVAS, np.uint8(Texture.METAL), np.uint8(Texture.PLAIN))
+        return replace(mesh, texture=np.where(flank, plain, mesh.texture))
+    printed = np.uint8(pick(own, LIVERIES))
+    return replace(
+        mesh,
+        texture=np.where(flank, printed, mesh.texture),
+        colour=np.where(flank[:, None], np.float32(_PRINT), mesh.colour),
+    )
+
+
+def build_library(rng: np.random.Generator, style: StreetStyle, lettering: bool = False) -> Library:
     """Builds the prototypes of a world."""
     needles = scaled(style.foliage, 0.55) if style.season is Season.SUMMER else (0.025, 0.042, 0.022)
     colours = {
@@ -104,4 +130,5 @@ def build_library(rng: np.random.Generator, style: StreetStyle) -> Library:
         animals={kind: build_animal(rng, kind) for kind in AnimalKind},
         walkers=tuple(build_walker(rng) for _ in range(7)),
         plants={kind: tuple(build_plant(rng, kind, colours[kind]) for _ in range(3)) for kind in PlantKind},
+        lettering=lettering,
     )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
-from radcam_depth_ros.simulation.objects.mesh import box, join, pane, prism, quads
+from radcam_depth_ros.simulation.objects.mesh import Mesh, box, join, pane, prism, quads
 from radcam_depth_ros.simulation.objects.vehicle_parts import Vehicle, glass, lamps, wheels
 from radcam_depth_ros.simulation.settings.randomness import pick
 
@@ -46,7 +48,7 @@ def build_van(rng: np.random.Generator) -> Vehicle:
     ]
     if rng.random() < 0.7:
         panes.append(pane((rear - 0.012, width * 0.4, nose + 0.2), (rear - 0.012, width * 0.38, height * 0.86)))
-    parts = [prism(profile, width, body, width * 0.92, bulge=0.06), quads(panes, glass(label))]
+    parts = [prism(profile, width, body, width * 0.92, bulge=0.06, flank=Texture.LIVERY_0), quads(panes, glass(label))]
     parts += lamps(label, front, rear, width / 2, 0.85, 1.4)
     aside = width / 2 + 0.1
     parts += [box([0.12, 0.18, 0.3], [screen - 0.1, y, nose + 0.3], glass(label)) for y in (-aside, aside)]
@@ -89,7 +91,7 @@ def build_truck(rng: np.random.Generator, articulated: bool) -> Vehicle:
         for side in (-1, 1)
     ]
     parts = [
-        box([load, width, height - 1.05], [rear + load / 2, 0, (height + 1.05) / 2], canvas),
+        _load([load, width, height - 1.05], [rear + load / 2, 0, (height + 1.05) / 2], canvas),
         box([length - 0.6, 0.9, 0.3], [-0.1, 0, 0.8], frame),
         box([0.12, 2.3, 0.12], [rear + 0.15, 0, 0.55], frame),
         prism(profile, 2.42, cab_paint, 2.34, bulge=0.08),
@@ -99,6 +101,19 @@ def build_truck(rng: np.random.Generator, articulated: bool) -> Vehicle:
     tractor, trailer = ((front - 4.2,), (rear + 4.0,)) if articulated else ((), ())
     parts += wheels(label, (front - 1.3, *tractor, rear + 1.4, rear + 2.7, *trailer), width, 0.5)
     return Vehicle(join(parts), length)
+
+
+def _load(size: list[float], centre: list[float], canvas: Material) -> Mesh:
+    """A box body whose flanks and back are marked for lettering, upright, a tile for each."""
+    body = box(size, centre, canvas)
+    texture, uv = body.texture.copy(), body.uv.copy()
+    # The faces of a box: right, front, left, back, each of two triangles.
+    for first, length in ((0, size[0]), (4, size[0]), (6, size[1])):
+        faces = slice(first, first + 2)
+        texture[faces] = Texture.LIVERY_0
+        uv[faces] *= np.array([canvas.tile_m / length, -canvas.tile_m / size[2]], np.float32)
+        uv[faces, :, 1] += 1
+    return replace(body, texture=texture, uv=uv)
 
 
 def build_bus(rng: np.random.Generator) -> Vehicle:
@@ -125,7 +140,7 @@ def build_bus(rng: np.random.Generator) -> Vehicle:
     panes.append(pane((front + 0.0, 1.15, 0.95), (front - 0.11, 1.12, 2.6)))
     panes.append(pane((rear - 0.012, 1.0, 1.5), (rear - 0.012, 1.0, 2.4)))
     display = Material(Surface.LAMP, label, (0.6, 0.35, 0.02))
-    parts = [prism(profile, width, body, width * 0.985), quads(panes, glass(label))]
+    parts = [prism(profile, width, body, width * 0.985, flank=Texture.LIVERY_0), quads(panes, glass(label))]
     parts.append(box([0.06, 1.4, 0.25], [front - 0.12, 0, height - 0.28], display))
     parts += lamps(label, front, rear, 1.2, 0.75, 1.3)
     parts += wheels(label, (front - 2.7, rear + 3.2), width, 0.48)

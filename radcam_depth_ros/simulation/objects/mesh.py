@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.frame import FloatArray
-from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface
+from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
 
 Corner = tuple[float, float, float]
 ByteArray = npt.NDArray[np.uint8]
@@ -121,7 +121,12 @@ def box(size: Sequence[float], centre: Sequence[float], material: Material, top:
 
 
 def prism(
-    profile: npt.ArrayLike, width: float, material: Material, top_width: float | None = None, bulge: float = 0.0
+    profile: npt.ArrayLike,
+    width: float,
+    material: Material,
+    top_width: float | None = None,
+    bulge: float = 0.0,
+    flank: Texture | None = None,
 ) -> Mesh:
     """A side profile drawn out across the vehicle, narrowing with height.
 
@@ -131,6 +136,7 @@ def prism(
         material: Its look.
         top_width: Metres across at the highest corner; by default `width`.
         bulge: How far the middle of front and back stands out, metres: rounds the corners seen from above.
+        flank: Texture of both flanks, which one tile covers, upright; by default the material's.
     """
     outline = np.asarray(profile, np.float64)
     low, high = outline[:, 1].min(), outline[:, 1].max()
@@ -149,7 +155,15 @@ def prism(
         centre = np.broadcast_to(side.mean(axis=0), side.shape)
         fan = (centre, side, np.roll(side, -1, axis=0))
         caps.append(np.stack([fan[k] for k in order], axis=1))
-    return _without_slivers(quads(np.concatenate([skin, *caps]), material))
+    if flank is None:
+        return _without_slivers(quads(np.concatenate([skin, *caps]), material))
+    sides = np.stack(caps)
+    across = (sides[..., 0] - x.min()) / max(np.ptp(x), 1e-9)
+    # Seen from the left the vehicle drives to the left.
+    across[1] = 1 - across[1]
+    uv = np.stack([across, 1 - (sides[..., 2] - low) / max(high - low, 1e-9)], axis=-1)
+    lettered = quads(sides, replace(material, texture=flank), uv)
+    return _without_slivers(join([quads(skin, material), lettered]))
 
 
 def _without_slivers(mesh: Mesh) -> Mesh:

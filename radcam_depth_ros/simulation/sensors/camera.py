@@ -55,11 +55,23 @@ def render(
     shader: Shader,
     edge_samples: int,
     rng: np.random.Generator,
+    turn_a_row: npt.NDArray[np.floating] | None = None,
 ) -> View:
-    """Renders a view; the camera's axes are x right, y down, z forward."""
+    """Renders a view; the camera's axes are x right, y down, z forward.
+
+    Args:
+        scene: What is there.
+        camera: Intrinsics.
+        world_from_camera: The camera's pose at the middle row.
+        shader: Gives colours to what is met.
+        edge_samples: More rays for each pixel at an edge.
+        rng: For soft light.
+        turn_a_row: (3,) radians about the world's axes by which the camera turns from row to row, of a rolling shutter.
+    """
     height, width = camera.height, camera.width
     column, row = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    rays = _Rays.cast(scene, camera, world_from_camera, column.ravel(), row.ravel())
+    turn = None if turn_a_row is None else np.asarray(turn_a_row, np.float32)
+    rays = _Rays.cast(scene, camera, world_from_camera, column.ravel(), row.ravel(), turn)
     face = rays.hits.face
     # Directions have z = 1 in camera axes, so the distance along them is the depth.
     depth = rays.hits.distance_m.reshape(height, width)
@@ -70,14 +82,14 @@ def render(
     moving = np.flatnonzero(face >= scene.static_count)
     velocity[moving] = scene.velocity[face[moving]]
     openness = _openness(scene, rays, depth, rng).ravel()
-    lamps = shining_lamps(scene, shader.light, world_from_camera)
+    lamps = shining_lamps(scene, shader.light, world_from_camera, shader.beams)
     radiance = _radiance(scene, rays, openness, shader, lamps, rng)
     if edge_samples > 0:
         edges = np.flatnonzero(_edges(scene, face.reshape(height, width), depth).ravel())
         x, y = column.ravel()[edges], row.ravel()[edges]
         total = radiance[edges]
         for dx, dy in _SUBPIXELS[:edge_samples]:
-            more = _Rays.cast(scene, camera, world_from_camera, x + np.float32(dx), y + np.float32(dy))
+            more = _Rays.cast(scene, camera, world_from_camera, x + np.float32(dx), y + np.float32(dy), turn)
             total = total + _radiance(scene, more, openness[edges], shader, lamps, rng)
         radiance[edges] = total / (1 + min(edge_samples, len(_SUBPIXELS)))
     shape = (height, width, 3)
@@ -102,9 +114,19 @@ class _Rays:
 
     @classmethod
     def cast(
-        cls, scene: Scene, camera: CameraModel, world_from_camera: RigidTransform, column: FloatArray, row: FloatArray
+        cls,
+        scene: Scene,
+        camera: CameraModel,
+        world_from_camera: RigidTransform,
+        column: FloatArray,
+        row: FloatArray,
+        turn: FloatArray | None,
     ) -> _Rays:
         directions = _directions(camera, world_from_camera, column, row)
+        if turn is not None:
+            # Small angles: the vehicle turns by a degree at most while a picture is taken.
+            angle = row - np.float32((camera.height - 1) / 2)
+            directions += np.cross(turn, directions) * angle[:, None]
         origin = world_from_camera.translation.astype(np.float32)
         hits = scene.cast(np.tile(origin, (len(directions), 1)), directions)
         return cls(origin, directions, hits, 1.0 / camera.fx)

@@ -17,7 +17,7 @@ _SMEAR_STEPS = 5
 class Optics:
     """The windscreen and lens of one camera, drawn once."""
 
-    def __init__(self, rng: np.random.Generator, width: int, height: int, rain: float) -> None:
+    def __init__(self, rng: np.random.Generator, width: int, height: int, rain: float, dirty: bool = False) -> None:
         """Draws glass for images of a size.
 
         Args:
@@ -25,6 +25,7 @@ class Optics:
             width: Pixels.
             height: Pixels.
             rain: How much rain falls, 0 to 1.
+            dirty: Whether dirt sticks to it.
         """
         self._rain = rain
         self._veil = rng.uniform(0, 0.03) if rng.random() < 0.8 else rng.uniform(0.03, 0.12)
@@ -35,7 +36,9 @@ class Optics:
         x, y = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height) * height / width)
         self._vignette = (1 - fall * (x * x + y * y) / (1 + (height / width) ** 2)).astype(np.float32)[..., None]
         self._drops = _spots(rng, width, height, int(rng.integers(4, 60)), 0.012) if rng.random() < 0.6 * rain else None
-        self._dirt = _spots(rng, width, height, int(rng.integers(3, 30)), 0.05) if rng.random() < 0.12 else None
+        self._dirt = _spots(rng, width, height, int(rng.integers(3, 30)), 0.05) if dirty else None
+        # Dirt takes light away and scatters what falls on it: mud is dark, dust in the sun is bright.
+        self._opaque, self._dust = rng.uniform(0.15, 0.7), log_uniform(rng, 0.15, 1.3)
 
     def through(self, light: FloatArray, rng: np.random.Generator) -> FloatArray:
         """The light (H, W, 3) that reaches the sensor of light (H, W, 3) where 1 is as bright as can be told."""
@@ -47,7 +50,8 @@ class Optics:
         if self._rain > 0:
             light = self._rained(light, small, rng)
         if self._dirt is not None:
-            light = light + self._dirt * (0.35 * small.mean(axis=(0, 1)) - 0.35 * light)
+            scattered = small.mean(axis=(0, 1)) * np.float32(self._dust)
+            light = light + self._dirt * np.float32(self._opaque) * (scattered - light)
         if self._blur > 0:
             light = cv2.GaussianBlur(np.minimum(light, 8), (0, 0), self._blur)
         if self._fringe:

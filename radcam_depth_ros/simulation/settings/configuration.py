@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from radcam_depth_ros.simulation.settings.errors import require, require_pairs, require_positive_rate, require_ranges
+from radcam_depth_ros.simulation.settings.looks import LooksConfig
 from radcam_depth_ros.simulation.settings.sensor_configuration import ImagingRadarConfig, LidarConfig, RadarConfig
 
 
@@ -83,9 +84,9 @@ class WorldConfig:
     people: float = 1.0
     speed: float = 1.0
     max_slope: float = 0.08
-    random_textures: float = 0.15
+    random_textures: float = 0.04
     view_m: float = 400.0
-    random_light: float = 0.15
+    random_light: float = 0.04
 
     def __post_init__(self) -> None:
         multiples = dict.fromkeys(("traffic", "parked", "people", "speed"), (0, 4))
@@ -179,6 +180,7 @@ class SimulationConfig:
 
     Attributes:
         world: The street and who is on it.
+        looks: What pictures have, each in its share of the seeds.
         camera: The camera.
         radar: The radar without elevation.
         imaging_radar: The 4D radar.
@@ -190,6 +192,7 @@ class SimulationConfig:
     """
 
     world: WorldConfig = field(default_factory=WorldConfig)
+    looks: LooksConfig = field(default_factory=LooksConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
     radar: RadarConfig = field(default_factory=RadarConfig)
     imaging_radar: ImagingRadarConfig = field(default_factory=ImagingRadarConfig)

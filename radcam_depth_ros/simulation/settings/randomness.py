@@ -32,6 +32,7 @@ class Stream(IntEnum):
     RELIEF = 14
     CLOCKS = 15
     DISGUISE = 16
+    LOOKS = 17
 
 
 def generator(seed: int, stream: Stream, *indices: int) -> np.random.Generator:

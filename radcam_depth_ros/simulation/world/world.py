@@ -12,6 +12,7 @@ from radcam_depth_ros.simulation.objects.library import build_library
 from radcam_depth_ros.simulation.objects.mesh import Mesh, join, sheet
 from radcam_depth_ros.simulation.objects.scene import Scene
 from radcam_depth_ros.simulation.settings.configuration import StreetKind, WorldConfig
+from radcam_depth_ros.simulation.settings.looks import NO_LOOKS, Looks
 from radcam_depth_ros.simulation.settings.randomness import Stream, generator
 from radcam_depth_ros.simulation.settings.style import Land, draw_style
 from radcam_depth_ros.simulation.world.centre_line import CentreLine
@@ -33,13 +34,14 @@ _MOVE_STRETCHES = 2
 class World:
     """All of a seed that does not depend on the sensors."""
 
-    def __init__(self, seed: int, config: WorldConfig, duration_s: float) -> None:
+    def __init__(self, seed: int, config: WorldConfig, duration_s: float, looks: Looks = NO_LOOKS) -> None:
         """Builds a world.
 
         Args:
             seed: Decides everything.
             config: The street and who is on it.
             duration_s: How long the drive will be; traffic comes into view until then.
+            looks: What the pictures have; nothing without.
         """
         self._seed, self._config = seed, config
         rng = generator(seed, Stream.STYLE)
@@ -52,8 +54,8 @@ class World:
         disguise = generator(seed, Stream.DISGUISE)
         is_random = bool(disguise.random() < config.random_textures)
         self._disguise = Disguise(disguise) if is_random else None
-        self.atlas = TextureAtlas(generator(seed, Stream.TEXTURES), is_random)
-        self._library = build_library(generator(seed, Stream.PROTOTYPES), self.style)
+        self.atlas = TextureAtlas(generator(seed, Stream.TEXTURES), is_random, looks.lettering, looks.wear)
+        self._library = build_library(generator(seed, Stream.PROTOTYPES), self.style, looks.lettering)
         self.relief = Relief(generator(seed, Stream.RELIEF), config.max_slope)
         self.ego = EgoDrive(generator(seed, Stream.EGO), self.style, self.path, self.relief)
         self._traffic = Traffic(

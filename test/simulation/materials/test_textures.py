@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcam_depth_ros.simulation.materials.surfaces import Label, Material, Surface, Texture
+from radcam_depth_ros.simulation.materials.surfaces import LIVERIES, Label, Material, Surface, Texture
 from radcam_depth_ros.simulation.materials.textures import TextureAtlas
-from radcam_depth_ros.simulation.materials.tiles import TILE, fractal, random_tiles
+from radcam_depth_ros.simulation.materials.tiles import TILE, fractal, paint_tiles, random_tiles
+from radcam_depth_ros.simulation.materials.wear import road_wear
 
 PLAIN = Material(Surface.METAL, Label.POLE)
 
@@ -43,3 +44,25 @@ def test_random_tiles_are_tiles() -> None:
     for tile in tiles:
         assert tile.shape == (TILE, TILE, 4)
         assert 0 <= tile.min() <= tile.max() <= 1
+
+
+def test_lettering_and_wear_change_their_own_tiles_only() -> None:
+    plain, painted = paint_tiles(np.random.default_rng(0)), paint_tiles(np.random.default_rng(0), True, True)
+    assert len(plain) == len(painted) == len(Texture)
+    for tile in painted:
+        assert tile.shape == (TILE, TILE, 4)
+        assert 0 <= tile.min() <= tile.max() <= 1
+    for texture in LIVERIES:
+        assert plain[texture].std() == 0
+        assert painted[texture].std() > 0.01
+    # Roads have more fine detail.
+    fine = [float(np.abs(np.diff(tiles[Texture.ASPHALT][..., 1], axis=1)).mean()) for tiles in (plain, painted)]
+    assert fine[1] > fine[0]
+
+
+def test_wear_of_roads_tiles_and_stays_near_the_roads_own_albedo() -> None:
+    for seed in range(5):
+        wear = road_wear(np.random.default_rng(seed))
+        assert wear.dtype == np.float32
+        assert 0 < wear.min() <= wear.max() < 1.5
+        assert 0.7 < wear.mean() < 1.2

@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radcam_depth_ros.simulation.sensors.camera_unit import CameraUnit
+from radcam_depth_ros.simulation.settings.looks import Looks
 
 SEEDS = st.integers(0, 2**31)
 
@@ -28,3 +29,17 @@ def test_any_lens_gives_a_picture(seed: int, rain: float, odd: bool) -> None:
     picture = CameraUnit(rng, 80, 48, rain, odd).develop(radiance, rng, np.full((48, 80, 2), 200.0, np.float32))
     assert picture.shape == (48, 80, 3)
     assert picture.std() > 3
+
+
+def test_white_balance_takes_most_of_the_colour_of_the_light() -> None:
+    scene = np.random.default_rng(0).random((48, 64, 1)).astype(np.float32) * np.array([0.5, 0.8, 1.6], np.float32)
+
+    def cast(follows: bool) -> float:
+        casts = []
+        for seed in range(12):
+            unit = CameraUnit(np.random.default_rng(seed), 64, 48, looks=Looks(white_balance=follows))
+            red, _, blue = unit.develop(scene, np.random.default_rng(1)).mean(axis=(0, 1))
+            casts.append(abs(float(blue) - float(red)))
+        return float(np.mean(casts))
+
+    assert cast(True) < 0.6 * cast(False)
