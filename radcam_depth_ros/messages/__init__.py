@@ -38,6 +38,7 @@ from radcam_depth_ros.messages.radar import (
     decode_radar,
     radar_fields,
 )
+from radcam_depth_ros.messages.radar_contents import RadarContents
 from radcam_depth_ros.messages.transforms import (
     OdometryReading,
     StampedTransform,
@@ -62,6 +63,7 @@ __all__ = [
     "MessageFactory",
     "OdometryReading",
     "PointsReading",
+    "RadarContents",
     "RadarFields",
     "RadarReading",
     "StampedTransform",
