@@ -47,7 +47,7 @@ def encode_compressed_depth(
     Args:
         factory: Builds the message.
         depth: (H, W) float32 metres; NaN for "no value", +inf beyond the range. As 32FC1 both come back; what is nearer
-            than 0.16 m comes back as that.
+            than 0.16 m comes back as that, what is beyond 20 km as +inf.
         stamp_ns: Nanoseconds.
         frame_id: The camera's optical frame.
         encoding: Of the depth image that comes back, as in `encode_depth`.
@@ -73,10 +73,8 @@ def encode_compressed_depth(
 
 
 def _inverse(depth: FloatArray) -> npt.NDArray[np.uint16]:
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        steps = np.minimum(np.float32(_A) / depth + np.float32(_B + 0.5), np.float32(_LARGEST))
-        # Whatever is finite stays so: 1 is kept for +inf.
-        np.maximum(steps, np.float32(2.0), out=steps, where=depth < np.inf)
-        steps[~(depth > 0)] = 0
-    inverse: npt.NDArray[np.uint16] = steps.astype(np.uint16)
+    steps = np.maximum(depth, np.float32(_A / (_LARGEST - 1)))
+    np.divide(np.float32(_A), steps, out=steps)
+    steps += np.float32(_B + 0.5)
+    inverse: npt.NDArray[np.uint16] = np.where(depth > 0, steps, np.float32(0)).astype(np.uint16)
     return inverse
