@@ -21,10 +21,12 @@ from radcam_depth_ros.messages import (
     MessageFactory,
     encode_camera_info,
     encode_cloud,
+    encode_compressed_depth,
     encode_confidence,
     encode_depth,
     encode_image,
     encode_preview,
+    png_problem,
 )
 from radcam_depth_ros.resampling import rectify, resample_image
 from radcam_depth_ros.setting import check_choices, setting
@@ -58,11 +60,35 @@ class OutputConfig:
     preview_far_m: float = setting(
         80.0, "Depth of the preview's last colour, in metres; all that is farther has it too.", 0.01, 1000.0, live=True
     )
+    min_confidence: float = setting(
+        0.0,
+        "Minimum confidence of published dense depth: below it there is no value and no point. It leaves the sky as it "
+        "is.",
+        0.0,
+        1.0,
+        live=True,
+    )
     points_stride: int = setting(
         1, "Pixel step of depth/points: 1 makes a point of each pixel, 4 of a sixteenth of them.", 1, 64, live=True
     )
     points_near_m: float = setting(0.0, "Minimum depth of published points, in metres.", 0.0, 1000.0, live=True)
     points_far_m: float = setting(1000.0, "Maximum depth of published points, in metres.", 0.0, 1000.0, live=True)
+    points_min_confidence: float = setting(
+        0.1,
+        "Minimum confidence of published points; min_confidence counts for them as well.",
+        0.0,
+        1.0,
+        live=True,
+    )
+    points_organized: bool = setting(
+        False,
+        "Whether depth/points has the height and width of the depth image, over points_stride, with NaN where a pixel "
+        "gives no point. false: it has the points alone.",
+        live=True,
+    )
+    points_max_rate_hz: float = setting(
+        0.0, "Maximum rate of depth/points, in clouds a second by their stamps; 0 is no limit.", 0.0, 1000.0, live=True
+    )
     sky: str = setting(
         "infinity",
         "Dense depth of pixels that show the sky, where the network tells them: infinity is +Inf (REP 117: beyond the "
@@ -110,12 +136,15 @@ class EncoderInput:
 
     @cached_property
     def dense(self) -> FloatArray:
-        """The dense depth as it is published, (H, W) float32 metres: without the sky, where the network tells it."""
-        sky, dense = self.result.sky, self.result.dense
-        if sky is None:
-            return dense
-        value = np.float32(np.inf if self.config.sky == "infinity" else np.nan)
-        np.copyto(dense, value, where=sky >= SKY_FROM)
+        """The dense depth as it is published, (H, W) float32 metres: without what is doubtful, and without the sky."""
+        sky, dense, config = self.result.sky, self.result.dense, self.config
+        if config.min_confidence > 0:
+            # NaN is no confidence.
+            doubtful = ~(self.result.confidence >= np.float32(config.min_confidence))
+            np.copyto(dense, np.float32(np.nan), where=doubtful)
+        if sky is not None:
+            value = np.float32(np.inf if config.sky == "infinity" else np.nan)
+            np.copyto(dense, value, where=sky >= SKY_FROM)
         return dense
 
     @cached_property
@@ -145,6 +174,7 @@ class Output:
         is_on_demand: The node makes it only while the topic has a subscriber.
         needs_classes: Only networks with a class output have it.
         replayed: When a replay writes it.
+        problem: Says why it cannot be made on this machine; an empty text where it can.
     """
 
     name: str
@@ -155,10 +185,15 @@ class Output:
     is_on_demand: bool = False
     needs_classes: bool = False
     replayed: Replayed = Replayed.ALWAYS
+    problem: Callable[[], str] = str
 
 
 def _depth(given: EncoderInput) -> Any:
     return encode_depth(given.factory, given.dense, *given.stamp, encoding=given.config.depth_encoding)
+
+
+def _compressed_depth(given: EncoderInput) -> Any:
+    return encode_compressed_depth(given.factory, given.dense, *given.stamp, encoding=given.config.depth_encoding)
 
 
 def _semi_dense(given: EncoderInput) -> Any:
@@ -185,11 +220,14 @@ def _points(given: EncoderInput) -> Any:
         given.factory,
         given.dense,
         image_at(given.frame, result.camera),
+        result.confidence,
         result.camera,
         *given.stamp,
         stride=config.points_stride,
         near_m=config.points_near_m,
         far_m=config.points_far_m,
+        min_confidence=config.points_min_confidence,
+        organized=config.points_organized,
     )
 
 
@@ -207,6 +245,16 @@ OUTPUTS = {
             _IMAGE,
             _depth,
             'Dense depth: 32FC1 in metres, or 16UC1 in millimetres with 0 for "no value" (`depth_encoding`).',
+        ),
+        Output(
+            "compressed_depth",
+            "depth/image_rect/compressedDepth",
+            "sensor_msgs/msg/CompressedImage",
+            _compressed_depth,
+            "Dense depth as image_transport's compressedDepth plugin writes it, a PNG of 16 bits.",
+            is_on_demand=True,
+            replayed=Replayed.WITH_OPTION,
+            problem=png_problem,
         ),
         Output(
             "depth_camera_info",
@@ -250,7 +298,7 @@ OUTPUTS = {
             "depth/points",
             "sensor_msgs/msg/PointCloud2",
             _points,
-            "Dense depth as points x y z rgb, thinned by `points_stride`.",
+            "Dense depth as points x y z rgb confidence, thinned by `points_stride`.",
             is_on_demand=True,
             replayed=Replayed.WITH_OPTION,
         ),
@@ -268,6 +316,31 @@ OUTPUTS = {
 """Every output topic, by name."""
 
 
+class Pace:
+    """Leaves out what comes at more than a rate, by stamps, so that live and replayed depth are thinned alike."""
+
+    def __init__(self) -> None:
+        self._due_ns: int | None = None
+
+    def is_due(self, stamp_ns: int, rate_hz: float) -> bool:
+        """Whether the next one may be made; it is counted then. A rate of 0 is no limit.
+
+        What is due is a time table, and a quarter of a period early is on time: so stamps that jitter keep the rate.
+        """
+        if rate_hz <= 0:
+            self._due_ns = None
+            return True
+        period_ns = round(1e9 / rate_hz)
+        slack_ns = period_ns // 4
+        early_ns = 0 if self._due_ns is None else self._due_ns - stamp_ns
+        if slack_ns < early_ns <= period_ns + slack_ns:
+            return False
+        # After a pause, or a jump back, the time table begins anew.
+        is_on_time = self._due_ns is not None and -period_ns < early_ns <= slack_ns
+        self._due_ns = stamp_ns + period_ns + (early_ns if is_on_time else 0)
+        return True
+
+
 class Encoder:
     """Encodes depth as messages.
 
@@ -279,6 +352,7 @@ class Encoder:
     def __init__(self, config: OutputConfig, factory: MessageFactory) -> None:
         self.config = config
         self._factory = factory
+        self._points_pace = Pace()
 
     def encode(self, frame: Frame, result: DepthResult, wanted: Collection[str]) -> dict[str, Any]:
         """Encodes a frame's depth; the images' memory becomes the messages'.
@@ -289,13 +363,16 @@ class Encoder:
             wanted: Names of the outputs to make.
 
         Returns:
-            A message for each wanted output, by its name; those that need classes only where the result has classes.
+            A message for each wanted output, by its name; those that need classes only where the result has classes,
+            points only where `points_max_rate_hz` lets them.
         """
         given = EncoderInput(self._factory, self.config, frame, result)
         return {
             name: output.encode(given)
             for name, output in OUTPUTS.items()
-            if name in wanted and not (output.needs_classes and result.classes is None)
+            if name in wanted
+            and not (output.needs_classes and result.classes is None)
+            and (name != "points" or self._points_pace.is_due(frame.stamp_ns, self.config.points_max_rate_hz))
         }
 
 

@@ -69,7 +69,7 @@ def test_messages_become_frames_and_frames_messages(estimator: Estimator) -> Non
     np.testing.assert_allclose(frame.radar.age_s, 0.02, atol=1e-6)
     assert (frame.camera, frame.frame_id, frame.stamp_ns) == (CAMERA, "camera", START_NS)
     assert frame.radar_counts == (4,)
-    result, messages = process(pipeline, frame, "preview", "points")
+    result, messages = process(pipeline, frame, "compressed_depth", "preview", "points")
     assert result is not None
     depth = decode_depth(messages["depth"])
     assert (depth.stamp_ns, depth.frame_id) == (START_NS, "camera")
@@ -78,7 +78,7 @@ def test_messages_become_frames_and_frames_messages(estimator: Estimator) -> Non
     assert messages["preview"].encoding == "rgb8"
     assert messages["points"].width == CAMERA.width * CAMERA.height
     assert messages.keys() == OUTPUTS.keys() - {"semantics"}
-    assert process(pipeline, frame)[1].keys() == messages.keys() - {"preview", "points"}
+    assert process(pipeline, frame)[1].keys() == messages.keys() - {"compressed_depth", "preview", "points"}
 
 
 def test_the_class_image_is_made_where_the_network_tells_and_somebody_wants_it(

@@ -55,6 +55,9 @@ def replay(
     points: Annotated[bool, typer.Option("--points", help="Write point clouds as well.")] = False,
     points_stride: PointsStrideOption = None,
     points_range: PointsRangeOption = None,
+    compressed_depth: Annotated[
+        bool, typer.Option("--compressed-depth", help="Write depth as image_transport's compressedDepth as well.")
+    ] = False,
     compress: Annotated[bool, typer.Option("--compress", help="Write a smaller bag, which takes longer.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
 ) -> None:
@@ -88,7 +91,11 @@ def replay(
     options = replaying.ReplayOptions(
         output=node.config.output,
         passthrough=passthrough,
-        also=tuple(name for name, is_wanted in (("preview", preview), ("points", points)) if is_wanted),
+        also=tuple(
+            name
+            for name, is_wanted in (("preview", preview), ("points", points), ("compressed_depth", compressed_depth))
+            if is_wanted
+        ),
         overwrite=overwrite,
         compress=compress,
     )

@@ -123,6 +123,15 @@ def reliability_tables(evaluation: Evaluation) -> Iterator[Table]:
     )
     within = f"within {reliability.within_m:g} m"
     yield Table(f"Reliability of the confidence, {within}", ("", "predicted", "observed", "pixels %"), bins, note)
+    thresholds = tuple(
+        (f"{entry.min_confidence:.1f}", number(100 * entry.left, 1), number(100 * entry.right, 1))
+        for entry in reliability.overall.thresholds
+    )
+    note = (
+        "What the node's min_confidence leaves of the pixels with ground truth, and the share of these whose dense "
+        f"depth is within {100 * TOLERANCE:g} % of the truth."
+    )
+    yield Table(f"Minimum confidence, {within}", ("min_confidence", "left %", "right %"), thresholds, note)
     parts = {
         "all": reliability.overall,
         **reliability.by_time_of_day,

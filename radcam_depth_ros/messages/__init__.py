@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from radcam_depth_ros.messages.calibration import Calibration
 from radcam_depth_ros.messages.clouds import PointsReading, decode_points
+from radcam_depth_ros.messages.compressed_depth import encode_compressed_depth, png_problem
 from radcam_depth_ros.messages.encode_clouds import encode_cloud, encode_points
 from radcam_depth_ros.messages.encode_images import (
     COLORMAPS,
@@ -38,6 +39,7 @@ from radcam_depth_ros.messages.radar import (
     decode_radar,
     radar_fields,
 )
+from radcam_depth_ros.messages.radar_contents import RadarContents
 from radcam_depth_ros.messages.transforms import (
     OdometryReading,
     StampedTransform,
@@ -62,6 +64,7 @@ __all__ = [
     "MessageFactory",
     "OdometryReading",
     "PointsReading",
+    "RadarContents",
     "RadarFields",
     "RadarReading",
     "StampedTransform",
@@ -75,6 +78,7 @@ __all__ = [
     "decode_transforms",
     "encode_camera_info",
     "encode_cloud",
+    "encode_compressed_depth",
     "encode_compressed_image",
     "encode_confidence",
     "encode_depth",
@@ -84,6 +88,7 @@ __all__ = [
     "encode_points",
     "encode_preview",
     "encode_transforms",
+    "png_problem",
     "radar_fields",
     "stamp_ns",
 ]

@@ -47,12 +47,15 @@ def encode_depth(
     Raises:
         MessageError: for another encoding, or an array that is not (H, W) float32.
     """
+    return _image(factory, depth_pixels(depth, encoding), encoding, stamp_ns, frame_id)
+
+
+def depth_pixels(depth: FloatArray, encoding: str) -> npt.NDArray[Any]:
+    """The pixels of a depth image, (H, W), as `encode_depth` writes them: float32 metres or uint16 millimetres."""
     _require(depth, "depth image", np.float32, 2)
-    if encoding == "32FC1":
-        return _image(factory, depth, encoding, stamp_ns, frame_id)
-    if encoding == "16UC1":
-        return _image(factory, _millimetres(depth), encoding, stamp_ns, frame_id)
-    raise MessageError(f"expected the depth encoding {' or '.join(DEPTH_ENCODINGS)}, got {encoding!r}")
+    if encoding not in DEPTH_ENCODINGS:
+        raise MessageError(f"expected the depth encoding {' or '.join(DEPTH_ENCODINGS)}, got {encoding!r}")
+    return depth if encoding == "32FC1" else _millimetres(depth)
 
 
 def _millimetres(depth: FloatArray) -> npt.NDArray[np.uint16]:

@@ -37,7 +37,7 @@ class Diagnostics:
     """Says of each part of the node how it does, and of the whole.
 
     Args:
-        node: The node; its name begins each line.
+        node: The node; its fully qualified name begins the name of each status, so that nodes of one name stay apart.
         problems: What was reported.
     """
 
@@ -68,7 +68,7 @@ class Diagnostics:
         return factory(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=bytes([status.level]),
-            name=f"{self._node.get_name()}: {status.name}",
+            name=f"{self._node.get_fully_qualified_name()}: {status.name}",
             message=printable(status.message),
             hardware_id=self._node.get_fully_qualified_name(),
             values=[

@@ -17,7 +17,7 @@ from rclpy.subscription import Subscription
 
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilderError
-from radcam_depth_ros.messages import MOST_RETURNS
+from radcam_depth_ros.messages import MOST_RETURNS, RadarContents, radar_fields
 from radcam_depth_ros.node.arrival import ArrivalClock
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
 from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
@@ -93,6 +93,10 @@ class Session:
         self.stamps = {source.part: SensorStamps() for source in (inputs.camera, *inputs.radars)}
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
         """Of each radar, as it is stamped: without `radar_time_offset_s`."""
+        aliases = self.frame_builder.config.field_aliases()
+        self._aliases = {radar.part: names for radar, names in zip(inputs.radars, aliases, strict=True)}
+        self.contents = {part: RadarContents(names) for part, names in self._aliases.items()}
+        """What the sweeps of each radar have."""
         self.frames_in = self.frames_failed = self.images_unusable = self.frames_suppressed = 0
         self.frames_out = Rate()
         self.latencies = Latencies()
@@ -157,17 +161,17 @@ class Session:
         return known if known > 1 else self.publishers(source)
 
     def _on_read(self, reading: Reading) -> None:
-        source, message = reading.source, reading.message
+        source = reading.source
         try:
             frames = self._take(reading)
         except FrameBuilderError as error:
-            self._check(source, message, reading.arrived_ns)
+            self._check(reading)
             self._on_unusable_image(error)
         except Exception as error:  # the boundary: a message must never take the node down
             self.unusable[source.part] += 1
             self._on_unusable(source.part, error)
         else:
-            self._check(source, message, reading.arrived_ns)
+            self._check(reading)
             if source is self.inputs.camera_info:
                 self.warm_up.follow()
             self._hand_over(frames)
@@ -202,13 +206,15 @@ class Session:
         else:
             self._hand_over(frames)
 
-    def _check(self, source: Input, message: Any, arrived_ns: int) -> None:
+    def _check(self, reading: Reading) -> None:
         """Takes note of a message that could be read, and of what can be wrong with it all the same."""
+        source, message, arrived_ns = reading.source, reading.message, reading.arrived_ns
         self.used[source.part] += 1
         if source is self.inputs.camera or source in self.inputs.radars:
             self.stamps[source.part].add(_stamp_ns(message), arrived_ns)
         if source in self.inputs.radars:
             self.stamp_offsets[source.part].add(_stamp_ns(message), arrived_ns, self.stamps[self.inputs.camera.part])
+            self.contents[source.part].add(reading.content.returns, radar_fields(message, self._aliases[source.part]))
         config = self.frame_builder.config
         has_frame = message.header.frame_id or config.camera_frame if source is self.inputs.camera else True
         # Where the extrinsics come from /tf_static, no frame can be made at all and the pipeline says so.

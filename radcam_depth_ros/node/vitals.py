@@ -57,13 +57,14 @@ class Vitals:
 
     def _sensor(self, source: Input, silent_level: Level) -> Status:
         session = self._session
-        rate = session.rates[source.part]
+        rate, contents = session.rates[source.part], session.contents.get(source.part)
         values: Values = (
             ("topic", source.topic),
             ("type", source.type_name),
             *self._counts(source),
             *_pace(rate),
             *self._stamps(source),
+            *(contents.values() if contents else ()),
             *self._problems.history(source.part),
         )
         problem, silent_s = self._problems.show(source.part), self.watchdog.silence_s(source)
@@ -79,7 +80,11 @@ class Vitals:
             return Status(source.part, silent_level, sentence, values)
         if not rate.count:
             return Status(source.part, Level.STALE, f"waiting for the first message on {source.topic}", values)
-        return Status(source.part, Level.OK, f"{rate.hertz(time.monotonic_ns()):.1f} Hz on {source.topic}", values)
+        sentence = f"{rate.hertz(time.monotonic_ns()):.1f} Hz on {source.topic}"
+        lacks = contents.problem(source.topic) if contents else ""
+        if lacks:
+            return Status(source.part, Level.WARN, f"{sentence}, but {lacks}", values)
+        return Status(source.part, Level.OK, sentence, values)
 
     def _counts(self, source: Input, prefix: str = "") -> Values:
         session, part = self._session, source.part

@@ -41,6 +41,7 @@ SECTIONS = {
     "Without radar": {name: f"frame_builder.{name}" for name in ("without_radar", "max_hold_s")},
     "Outputs": {
         "depth_encoding": "output.depth_encoding",
+        "min_confidence": "output.min_confidence",
         "sky": "output.sky",
         "preview_colormap": "output.preview_colormap",
         "preview_near_m": "output.preview_near_m",
@@ -48,6 +49,9 @@ SECTIONS = {
         "points_stride": "output.points_stride",
         "points_near_m": "output.points_near_m",
         "points_far_m": "output.points_far_m",
+        "points_min_confidence": "output.points_min_confidence",
+        "points_organized": "output.points_organized",
+        "points_max_rate_hz": "output.points_max_rate_hz",
         "output_size": "estimator.output_size",
     },
     "Network": {

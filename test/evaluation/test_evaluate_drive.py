@@ -430,6 +430,7 @@ def test_the_calibration_of_the_confidence_is_in_the_report():
     )
     tables = {table.title: table for table in tables_of(evaluation)}
     assert tables["Reliability of the confidence, within 80 m"].rows[-1] == ("0.9-1.0", "1.000", "0.000", "100.0")
+    assert tables["Minimum confidence, within 80 m"].rows[-1] == ("0.9", "100.0", "0.0")
     parts = tables["Calibration of the confidence, within 80 m"].rows
     assert [row[0] for row in parts] == ["all", "night", "0-20 m", "20-50 m", "50-80 m", "road", "not road"]
     assert parts[3][1:] == ("-", "-", "0.0")

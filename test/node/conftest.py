@@ -182,10 +182,12 @@ class Peer:
         return encode_camera_info(build_message, camera, self.now_ns, "camera")
 
     def cloud(self, x: Any = (10.0, 20.0), names: str = "xyz", frame_id: str = "radar") -> Any:
-        """A cloud of points in a row along the first of three fields."""
+        """A cloud of points in a row along the first of three fields, with an RCS and a Doppler that vary."""
         x = np.asarray(x, np.float32)
         zeros = np.zeros_like(x)
-        return encode_points(build_message, dict(zip(names, (x, zeros, zeros), strict=True)), self.now_ns, frame_id)
+        changing = (np.arange(len(x)) + self.now_ns // 10**8 % 10).astype(np.float32)
+        columns = {**dict(zip(names, (x, zeros, zeros), strict=True)), "rcs": changing, "radial_speed": -changing}
+        return encode_points(build_message, columns, self.now_ns, frame_id)
 
     def send_pair(self, image: Any = None, cloud: Any = None, camera_info: Any = None) -> None:
         """Sends what belongs to one moment; what is not given is well."""

@@ -48,11 +48,37 @@ def test_outputs_change_from_one_image_to_the_next(bench: Any) -> None:
     assert "deactivate it first" in bench.set_parameter("image_topic", "other")
     assert bench.set_parameter("points_far_m", 2.5) == ""  # the depth is 3 m
     bench.send_until(lambda: clouds[-1].width == 0, what="no points")
+    assert bench.set_parameter("points_organized", True) == ""
+    bench.send_until(lambda: (clouds[-1].height, clouds[-1].width) == (16, 24), what="rows and columns")
+    assert bench.set_parameter("points_far_m", 1000.0) == ""
+    bench.send_until(lambda: clouds[-1].is_dense, what="a point of each pixel")
+    assert bench.set_parameter("points_min_confidence", 0.6) == ""  # the confidence is 0.5
+    bench.send_until(lambda: not clouds[-1].is_dense, what="no doubtful points")
+    assert np.frombuffer(bench.depth[-1].data, np.uint16).all()
+    assert bench.set_parameter("min_confidence", 0.6) == ""
+    bench.send_until(lambda: not np.frombuffer(bench.depth[-1].data, np.uint16).any(), what="no doubtful depth")
+    assert "out of range Min: 0.0, Max: 1.0" in bench.set_parameter("min_confidence", 1.5)
+    assert bench.set_parameter("min_confidence", 0.0) == ""
     # What was set holds when the node is activated again.
     assert bench.change_state("deactivate")
     assert bench.change_state("activate")
     assert bench.await_depth().encoding == "16UC1"
     assert bench.node._estimator is estimator
+
+
+def test_compressed_depth_that_cannot_be_written_is_named_and_all_else_comes(
+    bench: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compressed: list[Any] = []
+    bench.subscribe("depth/image_rect/compressedDepth", "sensor_msgs/msg/CompressedImage", compressed.append)
+    bench.connect()
+    bench.send_until(lambda: compressed, what="compressed depth")
+    monkeypatch.setattr("cv2.haveImageWriter", lambda _: False)
+    bench.send_until(lambda: bench.status("output", "compressedDepth has subscribers, who will hear nothing: expected"))
+    bench.await_depth()
+    monkeypatch.undo()
+    compressed.clear()
+    bench.send_until(lambda: compressed, what="compressed depth again")
 
 
 def test_what_becomes_of_an_image_without_radar_can_change_while_the_node_is_active(bench: Any) -> None:

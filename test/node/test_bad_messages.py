@@ -83,7 +83,7 @@ CASES = [
     (k_of_zeros, "calibration", 2, ("expected a calibrated camera with positive focal lengths", "got k=[0.0")),
     (radar_without_x_y_z, RADAR, 2, ("expected a radar cloud with fields x y z", "got a b c")),
     (radar_step_too_small, RADAR, 2, ("point_step 8", "got an end at byte 12")),
-    (radar_truncated, RADAR, 2, ("expected 24 bytes", "got 13")),
+    (radar_truncated, RADAR, 2, ("expected 40 bytes", "got 13")),
     (nan_and_infinite_points, RADAR, 1, ("expected finite positions", "got 3 returns with NaN or infinity")),
     (points_behind_the_camera, "pairing", 1, ("expected radar returns in view of the camera", "got 0 of 2")),
 ]
@@ -108,6 +108,34 @@ def test_it_is_named_and_the_next_good_message_gives_depth(
     bench.send_until(lambda: bench.diagnostics and bench.diagnostics[-1][part].level == b"\x00", what="recovery")
     assert any(value.value == status.message for value in bench.diagnostics[-1][part].values)
     assert len([line for line in bench.logs if texts[0] in line]) == 1
+
+
+def test_what_a_radar_is_read_from_is_told_and_what_it_lacks_is_a_warning(bench: Any) -> None:
+    def told() -> dict[str, str]:
+        return {value.key: value.value for value in bench.diagnostics[-1][RADAR].values}
+
+    bench.await_depth()
+    bench.diagnostics.clear()
+    bench.send_until(lambda: bench.status(RADAR, "Hz on /radar/points"), what="a line on the radar")
+    fields = {name: field for name, field in told().items() if name.startswith("field of ")}
+    assert fields == {
+        "field of the position": "x y z",
+        "field of the Doppler speed": "radial_speed",
+        "field of the RCS": "rcs",
+    }
+
+    def without() -> None:
+        cloud = bench.cloud()
+        cloud.fields[3].name, cloud.fields[4].name = "flags", "quality"
+        bench.send_pair(cloud=cloud)
+
+    text = "but expected a Doppler speed in the returns on /radar/points, found no field for it: name its field by the"
+    status = bench.send_until(lambda: bench.status(RADAR, text), without, what="a warning")
+    assert status.level == b"\x01"
+    assert "expected an RCS in the returns" in status.message
+    assert (told()["field of the Doppler speed"], told()["field of the RCS"]) == ("none", "none")
+    bench.diagnostics.clear()
+    bench.send_until(lambda: bench.diagnostics and bench.diagnostics[-1][RADAR].level == b"\x00", what="recovery")
 
 
 def test_stamps_that_jump_back_are_named_and_depth_goes_on(bench: Any) -> None:

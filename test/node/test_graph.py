@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -10,6 +11,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from radcam_depth_ros.encoder import OUTPUTS
 from radcam_depth_ros.node.topics.factory import message_class
 from radcam_depth_ros.node.topics.graph import Graph, mismatches
 from radcam_depth_ros.node.topics.inputs import TRANSPORT_TYPES, Input
@@ -65,6 +67,23 @@ def test_own_outputs_and_other_inputs_are_not_proposed(graph: Callable[..., Grap
     seen = graph({RADAR.topic: CLOUD})
     assert "nor anything else of this type" in seen.remedy(CAMERA, CAMERA.qos)
     assert "nor anything else of this type" in seen.remedy(second, second.qos)
+
+
+def test_outputs_of_another_node_of_this_kind_are_not_proposed(
+    graph: Callable[..., Graph], own: Node, context: Context
+) -> None:
+    seen = graph({"/ahead/picture": RAW})
+    other = Node("renamed", context=context, namespace="left", start_parameter_services=False, enable_rosout=False)
+    try:
+        for output in OUTPUTS.values():
+            other.create_publisher(message_class(output.type_name), output.topic, 1)
+        while own.count_publishers("/left/depth/points") == 0:
+            time.sleep(0.02)
+        assert "there is /ahead/picture: set image_topic" in seen.remedy(CAMERA, CAMERA.qos)
+        assert "nor anything else of this type" in seen.remedy(RADAR, RADAR.qos)
+        assert "nor anything else of this type" in seen.remedy(CAMERA_INFO, CAMERA_INFO.qos)
+    finally:
+        other.destroy_node()
 
 
 @pytest.mark.parametrize(

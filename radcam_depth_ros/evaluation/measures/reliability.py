@@ -57,6 +57,25 @@ class ReliabilityBin:
 
 
 @dataclass(frozen=True)
+class Threshold:
+    """What is left of some pixels at a minimum confidence, as with the node's parameter `min_confidence`.
+
+    Attributes:
+        min_confidence: The least confidence that is left.
+        left: Share of the pixels that are left; NaN without any.
+        right: Share of those whose dense depth is right; NaN where none is left.
+    """
+
+    min_confidence: float
+    left: float
+    right: float
+
+    def as_json(self) -> dict[str, float | int | None]:
+        """Plain values, null where there is no number."""
+        return {name: json_number(getattr(self, name)) for name in ("min_confidence", "left", "right")}
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Calibration of the confidence over some pixels.
 
@@ -84,6 +103,17 @@ class Calibration:
     def pixels(self) -> int:
         """Number of pixels."""
         return sum(entry.pixels for entry in self.bins)
+
+    @property
+    def thresholds(self) -> tuple[Threshold, ...]:
+        """What is left at a minimum confidence of each bin's lower end, the lowest first."""
+        pixels = np.array([entry.pixels for entry in self.bins], np.float64)
+        right = np.array([entry.pixels and entry.pixels * entry.observed for entry in self.bins])
+        left, right_left = (np.cumsum(values[::-1])[::-1] for values in (pixels, right))
+        with np.errstate(invalid="ignore"):
+            columns = np.stack([left / pixels.sum(), right_left / left], axis=1)
+        rows = zip(self.bins, columns.tolist(), strict=True)
+        return tuple(Threshold(entry.lower, *values) for entry, values in rows)
 
     @property
     def ece(self) -> float:
@@ -136,6 +166,7 @@ class Reliability:
             "within_m": self.within_m,
             **self.overall.as_json(),
             "bins": [entry.as_json() for entry in self.overall.bins],
+            "thresholds": [entry.as_json() for entry in self.overall.thresholds],
             "by_time_of_day": _plain(self.by_time_of_day),
             "by_range": _plain(self.by_distance),
             "by_surface": _plain(self.by_surface),

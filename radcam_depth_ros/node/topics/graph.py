@@ -10,8 +10,12 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from radcam_depth_ros.encoder import OUTPUTS
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX
 from radcam_depth_ros.node.topics.inputs import COMPRESSED, TRANSPORT_TYPES, Input
+
+_TELLING = (OUTPUTS["semi_dense"].topic, OUTPUTS["confidence"].topic)
+"""Topics that nothing else publishes both of."""
 
 
 class Graph:
@@ -63,12 +67,17 @@ class Graph:
         return "it has a publisher, which is silent: see whether the sensor and its driver run"
 
     def nearest(self, topic: str, type_name: str, beside: str = "") -> str | None:
-        """The topic of a type, of those that others publish, whose name is most like a topic's; None where none is."""
+        """The topic of a type, of those that others publish, whose name is most like a topic's; None where none is.
+
+        Outputs of other nodes of this kind are none.
+        """
+        siblings = self._of_this_kind()
         wanted = (topic, *((f"{beside.rpartition('/')[0]}/{topic.rpartition('/')[2]}",) if beside else ()))
         candidates = [
             name
             for name, types in self._node.get_topic_names_and_types()
-            if type_name in types and name not in self._read and self._others(name)
+            if type_name in types and name not in self._read
+            if any((info.node_name, info.node_namespace) not in siblings for info in self._others(name))
         ]
         return max(
             sorted(candidates),
@@ -80,6 +89,20 @@ class Graph:
         own = (self._node.get_name(), self._node.get_namespace())
         infos: list[TopicEndpointInfo] = self._node.get_publishers_info_by_topic(topic)
         return [info for info in infos if (info.node_name, info.node_namespace) != own]
+
+    def _of_this_kind(self) -> set[tuple[str, str]]:
+        """Name and namespace of the nodes of this kind, which are known by what they publish, whatever their name."""
+        topics = [name for name, _ in self._node.get_topic_names_and_types()]
+        publishers = [
+            {
+                (info.node_name, info.node_namespace)
+                for topic in topics
+                if topic.endswith(f"/{output}")
+                for info in self._node.get_publishers_info_by_topic(topic)
+            }
+            for output in _TELLING
+        ]
+        return set.intersection(*publishers)
 
     def _where_else(self, source: Input, beside: str) -> str:
         nearest = self.nearest(source.topic, source.type_name, beside)

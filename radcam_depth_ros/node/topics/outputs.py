@@ -43,12 +43,18 @@ class Outputs:
                 self._node.destroy_lifecycle_publisher(self._publishers.pop(name))
 
     def wanted(self) -> tuple[str, ...]:
-        """Names of the outputs to make now: those on demand only while they have a subscriber."""
+        """Names of the outputs to make now: those on demand only while they have a subscriber, and can be made."""
         return tuple(
             name
             for name, publisher in self._publishers.items()
-            if not OUTPUTS[name].is_on_demand or publisher.get_subscription_count() > 0
+            if not OUTPUTS[name].is_on_demand or (publisher.get_subscription_count() > 0 and self._can_make(name))
         )
+
+    def _can_make(self, name: str) -> bool:
+        problem = OUTPUTS[name].problem()
+        if problem:
+            self._on_problem(f"{OUTPUTS[name].topic} has subscribers, who will hear nothing: {problem}")
+        return not problem
 
     def publish(self, messages: Mapping[str, Any]) -> None:
         """Publishes a frame's messages, by the names of their outputs."""

@@ -34,6 +34,18 @@ def test_bins_have_what_was_predicted_and_observed():
     assert overall.ece == pytest.approx(0.25 * 0.05 + 0.5 * 0.25 + 0.25 * 0.0)
 
 
+def test_a_threshold_leaves_the_bins_above_it():
+    result = measured([(0.05, False), (0.72, True), (0.78, False), (1.0, True)])
+    found = {round(entry.min_confidence, 1): (entry.left, entry.right) for entry in result.overall.thresholds}
+    assert found[0.0] == (1.0, 0.5)
+    assert found[0.1] == found[0.7] == pytest.approx((0.75, 2 / 3))
+    assert found[0.9] == (0.25, 1.0)
+    assert result.as_json()["thresholds"][9] == {"min_confidence": 0.9, "left": 0.25, "right": 1.0}
+    none_is_sure = measured([(0.05, True)]).overall.thresholds[3]
+    assert none_is_sure.left == 0.0
+    assert none_is_sure.as_json()["right"] is None
+
+
 def test_a_calibrated_confidence_has_no_error():
     pixels = [(tenth / 10 + 0.05, place < 2 * tenth + 1) for tenth in range(BINS) for place in range(20)]
     overall = measured(pixels).overall
