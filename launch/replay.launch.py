@@ -18,23 +18,6 @@ from launch_ros.event_handlers import OnStateTransition
 from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 
 PACKAGE = "radcam_depth_ros"
-# Arguments of depth.launch.py that a replay passes on, with their defaults there.
-PASSED_ON = {
-    "sensors": "",
-    "params_file": "",
-    "image": "",
-    "image_transport": "",
-    "camera_info": "",
-    "radar_topics": "",
-    "camera_height_m": "",
-    "network": "",
-    "model_file": "",
-    "device": "",
-    "log_level": "info",
-    "rviz": "false",
-}
-
-
 ROS2, OWN = "ros2", "radcam-depth"
 """Players: `ros2 bag play`, and the package's own, which needs no rosbag2."""
 
@@ -48,7 +31,7 @@ def player(context: LaunchContext) -> ExecuteProcess:
     else:
         command, start = [ExecutableInPackage(package=PACKAGE, executable="radcam-depth"), "play"], "--start"
     command += [given["bag"], "--clock", "--rate", given["rate"], start, given["start_offset"]]
-    command += ["--loop"] if given["loop"] == "true" else []
+    command += ["--loop"] if given["loop"].lower() == "true" else []
     return ExecuteProcess(cmd=command, output="screen")
 
 
@@ -82,18 +65,13 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "start_offset", default_value="0.0", description="Seconds to leave out at the beginning."
         ),
-        DeclareLaunchArgument("loop", default_value="false", choices=("true", "false"), description="Begin anew."),
-        DeclareLaunchArgument("longest_wait", default_value="60.0", description="Seconds until it plays in any case."),
-        *(
-            DeclareLaunchArgument(name, default_value=default, description="As of depth.launch.py.")
-            for name, default in PASSED_ON.items()
+        DeclareLaunchArgument(
+            "loop", default_value="false", choices=("true", "false", "True", "False"), description="Begin anew."
         ),
+        DeclareLaunchArgument("longest_wait", default_value="60.0", description="Seconds until it plays in any case."),
     ]
     node = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(PathJoinSubstitution([FindPackageShare(PACKAGE), "launch", "depth.launch.py"])),
-        launch_arguments={
-            "use_sim_time": "true",
-            **{name: LaunchConfiguration(name) for name in PASSED_ON},
-        }.items(),
+        launch_arguments=[("use_sim_time", "true")],  # launch hands all others down to the included file
     )
     return LaunchDescription([*arguments, OpaqueFunction(function=play_when_active), node])

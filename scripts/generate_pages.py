@@ -14,7 +14,6 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 from radcam_depth_ros.encoder import OUTPUTS, Output
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX, TRANSFORM_TOPICS, FrameBuilderConfig
@@ -114,10 +113,12 @@ def pages() -> dict[Path, str]:
     for name, parts in (
         ("README.md", {f"<!-- outputs: {BY} -->": _output_table()}),
         (
-            "launch/depth.launch.xml",
-            {f"  <!-- outputs: {BY} -->": _xml_arguments(), f"    <!-- outputs: {BY} -->": _xml_remaps()},
+            "launch/depth.launch.py",
+            {
+                f"# Parameters, {BY}:": _launch_help("depth", with_choices=True),
+                f"# Topics that an argument replaces, {BY}:": _launch_outputs(),
+            },
         ),
-        ("launch/depth.launch.py", {f"# Parameters, {BY}:": _launch_help("depth", with_choices=True)}),
         ("launch/multi_camera.launch.py", {f"# Parameters, {BY}:": _launch_help("multi_camera")}),
     ):
         path = ROOT / name
@@ -199,18 +200,12 @@ def _output_table() -> str:
     return "| out | type | | in a replayed bag |\n| --- | --- | --- | --- |\n" + "".join(rows)
 
 
-def _xml_arguments() -> str:
-    return "".join(
-        f'  <arg name="output/{output.name}" default="{output.topic}" '
-        f"description={quoteattr((output.description + _conditions(output)).replace('`', ''))}/>\n"
-        for output in OUTPUTS.values()
-    )
-
-
-def _xml_remaps() -> str:
-    return "".join(
-        f'    <remap from="{output.topic}" to="$(var output/{output.name})"/>\n' for output in OUTPUTS.values()
-    )
+def _launch_outputs() -> str:
+    """The mapping of the launch file's arguments for outputs to their topics."""
+    topics = {output.name: output.topic for output in OUTPUTS.values()}
+    topics |= {topic: topic for topic in LATENCY_TOPICS.values()}
+    rows = "".join(f'    "output/{name}": "{topic}",\n' for name, topic in topics.items())
+    return f"OUTPUTS = {{\n{rows}}}\n"
 
 
 def _policy() -> str:
@@ -239,7 +234,7 @@ def _allowed(kind: str, what: str, names: tuple[str, ...]) -> str:
     return f'{indent}<{kind} {what}="ALLOW">\n{rows}{indent}</{kind}>\n'
 
 
-_EITHER = ("true", "false")
+_EITHER = ("true", "false", "True", "False")
 
 
 def _launch_help(file: str, *, with_choices: bool = False) -> str:

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import pytest
 import typer
 import yaml
-from launch_mappings import launch_mappings, mapping_keys
+from launch_mappings import launch_functions
 
 from radcam_depth_ros.cli import app
 from radcam_depth_ros.encoder import OUTPUTS
@@ -82,17 +82,15 @@ def test_examples_of_all_verbs_are_executed() -> None:
 
 
 def launch_arguments(file: Path) -> set[str]:
-    """Names of a launch file's arguments: the keys of its mappings, and what it declares by name."""
+    """Names of a launch file's arguments: what it declares by name, and those of the node's file, which all include."""
     text = file.read_text(encoding="utf-8")
+    node_s = launch_functions("depth.launch.py")
+    names: set[str] = node_s["all_names"]()
     if file.suffix == ".xml":
-        return {str(argument.get("name")) for argument in ElementTree.fromstring(text).findall("arg")}
-    names = set()
+        return names - {*node_s["NOT_IN_XML"]}
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "DeclareLaunchArgument":
             names |= {first.value for first in node.args[:1] if isinstance(first, ast.Constant)}
-    for name, mapping in launch_mappings(file).items():
-        if name in ("SETS", "OTHERS", "PASSED_ON"):
-            names |= mapping_keys(mapping)
     return names
 
 
