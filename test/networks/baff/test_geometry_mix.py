@@ -145,8 +145,8 @@ def test_statistics_of_a_usual_frame_are_small() -> None:
 
 @pytest.mark.parametrize("network", ["baff", "baseline"])
 def test_a_card_without_the_key_is_of_a_network_without_the_mix(network: str) -> None:
-    former = {"geometry_mix": False, "full_size": False, "hint": False, "context": "none"}
+    former = {"geometry_mix": False, "full_size": False, "hint": False, "context": "none", "familiar": 0.0}
     assert completed(network, {"threshold": 0.25}) == {**former, "threshold": 0.25}
     assert completed(network, {"geometry_mix": True}) == {**former, "geometry_mix": True}
-    assert completed("lircdepth", {}) == {"sky": False}
-    assert completed("structured", {}) == {}
+    assert completed("lircdepth", {}) == {"sky": False, "familiar": 0.0}
+    assert completed("structured", {}) == {"familiar": 0.0}
