@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -177,7 +178,7 @@ def all_names() -> set[str]:
 def launched_file(words: Sequence[str]) -> Path | None:
     """The file of this folder that the command line launches; None where another file includes one of them."""
     folder = Path(__file__).resolve().parent
-    for before, word in zip(("", *words), words):  # noqa: B905  # words is one shorter
+    for before, word in pairwise(("", *words)):
         path = folder / word if before == PACKAGE else Path(word)
         if path.name.endswith((".launch.py", ".launch.xml")) and path.resolve().parent == folder and path.is_file():
             return path.resolve()
