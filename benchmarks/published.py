@@ -1,6 +1,6 @@
 """Fills the published table of docs/results.md: this project's networks by the protocols of the papers.
 
-    radcam-depth import nuscenes DATAROOT scenes/ --split singh-val --images keyframes
+    radcam-depth import nuscenes DATAROOT scenes/ --version v1.0-test --images keyframes
     python -m benchmarks.published --bags scenes/ --json published.json
 
 Networks come with their shipped weights; --network NAME=FILE takes others.
