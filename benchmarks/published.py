@@ -1,9 +1,9 @@
 """Fills the published table of docs/results.md: this project's networks by the protocols of the papers.
 
-    radcam-depth import nuscenes DATAROOT scenes/ --split singh-val --images keyframes
+    radcam-depth import nuscenes DATAROOT scenes/ --version v1.0-test --images keyframes
     python -m benchmarks.published --bags scenes/ --json published.json
 
-Networks come with their shipped weights; --network NAME=FILE takes others.
+Networks whose weights are shipped are measured; --network NAME=FILE takes others, such as `cafnet` once it is trained.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from radcam_depth_ros.drive import DriveSettings
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.evaluation.measures.protocols import PROTOCOLS
 from radcam_depth_ros.evaluation.published import ALL, PublishedEvaluation, evaluate_published, published_drives
+from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.printable import printable
 
 UNSTATED = "not stated"
 RANGE = "80"
@@ -96,6 +99,11 @@ def measure(
     return figures
 
 
+def shipped_networks() -> list[str]:
+    """This project's networks in the table that come with weights."""
+    return [row.network for row in ROWS if row.network and archive.shipped(row.network).exists()]
+
+
 def main() -> None:
     """Measures, prints the table, and writes all figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -104,9 +112,12 @@ def main() -> None:
     parser.add_argument("--network", action="append", help="NAME, or NAME=FILE; repeat it for several")
     parser.add_argument("--limit", type=int, help="of each bag at most so many frames")
     options = parser.parse_args()
-    named = options.network or [row.network for row in ROWS if row.network]
+    named = options.network or shipped_networks()
     networks = {name: file for name, _, file in (text.partition("=") for text in named)}
-    figures = measure(options.bags, networks, options.limit)
+    try:
+        figures = measure(options.bags, networks, options.limit)
+    except RadcamDepthError as error:
+        parser.error(printable(str(error)))
     if options.json:
         values: dict[str, Any] = {
             name: {protocol: result.as_json() for protocol, result in by_protocol.items()}

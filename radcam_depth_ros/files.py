@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import fcntl
+import glob
 import os
 import secrets
+import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -41,6 +44,49 @@ def whole(path: Path | str) -> Iterator[Path]:
         # Where the folder itself cannot be made or written there is nothing to remove.
         with suppress(OSError):
             temporary.unlink()
+
+
+@contextmanager
+def partial_folder(target: Path) -> Iterator[Path]:
+    """A new folder beside a target, for what shall take its name when it is whole; the folder goes after the block.
+
+    It is locked while it is used, and the lock ends with the process: what a killed one left beside the same target is
+    removed first.
+
+    Args:
+        target: A file or folder. Its parent is made.
+
+    Raises:
+        OSError: when the folder cannot be made.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    for leftover in target.parent.glob(f".{glob.escape(target.name)}.partial-*"):
+        with suppress(OSError), _locked(leftover) as is_unused:
+            if is_unused:
+                shutil.rmtree(leftover, ignore_errors=True)
+    # Its name is known before there is a folder, so that a signal in between leaves none behind.
+    folder = target.with_name(f".{target.name}.partial-{secrets.token_hex(4)}")
+    try:
+        folder.mkdir(mode=0o700)
+        with _locked(folder):
+            yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[bool]:
+    """Whether this process could lock a folder: False where another one has, and on file systems without locks."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        is_locked = True
+    except OSError:
+        is_locked = False
+    try:
+        yield is_locked
+    finally:
+        os.close(handle)
 
 
 def cannot_write(target: Path, error: OSError) -> FileError:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from radcam_depth_ros.files import FileError, require_apart, whole, write_text
+from radcam_depth_ros.files import FileError, partial_folder, require_apart, whole, write_text
 
 
 def test_a_file_appears_whole(tmp_path: Path) -> None:
@@ -31,6 +31,19 @@ def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     write_text(tmp_path / "file", "")
     with pytest.raises(FileError, match=r"cannot write .*file/a.txt"):
         write_text(tmp_path / "file" / "a.txt", "x")
+
+
+def test_a_partial_folder_goes_and_takes_what_killed_processes_left(tmp_path: Path) -> None:
+    left, of_another = tmp_path / ".a.partial-00000000", tmp_path / ".ab.partial-00000000"
+    for folder in (left / "bag", of_another):
+        folder.mkdir(parents=True)
+    with partial_folder(tmp_path / "a") as in_use:
+        assert in_use.is_dir()
+        assert not left.exists()
+        with partial_folder(tmp_path / "a") as second:
+            assert second != in_use
+        assert in_use.is_dir()
+    assert [path.name for path in tmp_path.iterdir()] == [of_another.name]
 
 
 def test_what_is_read_is_not_written_to_by_any_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-import secrets
-import shutil
 import struct
 from collections.abc import Collection
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -26,7 +25,7 @@ from radcam_depth_ros.bags.definitions import MessageType
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.bags.reader import BagMessage
 from radcam_depth_ros.bags.storage import McapBagWriter, bag_metadata
-from radcam_depth_ros.files import sync
+from radcam_depth_ros.files import partial_folder, sync
 
 _FOREVER = QosTime(9223372036, 854775807)  # RMW_DURATION_INFINITE
 _LATCHED = Qos(
@@ -82,49 +81,42 @@ class BagWriter:
         self._latched = frozenset(latched)
         self._compress = compress
         self._connections: dict[tuple[str, str], Connection] = {}
-        self._folder: Path | None = None
         self._writer: Any = None
+        self._open = ExitStack()
         self._overwrite = overwrite
         self._check_free()
 
     def __enter__(self) -> BagWriter:
         name = self.path.stem if self._is_file else self.path.name  # what the file inside the folder is called
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            # Its name is known before there is a folder, so that a signal in between leaves none behind.
-            self._folder = self.path.with_name(f".{self.path.name}.partial-{secrets.token_hex(4)}")
-            self._folder.mkdir(mode=0o700)
-            writer = McapBagWriter(
-                self._folder / name, version=McapBagWriter.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
-            )
-            if self._compress:
-                writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-            writer.set_custom_data(*OWN)
-            writer.open()
-        except OSError as error:
-            self._discard()
-            raise BagError(f"cannot write a bag at {self.path}: {error}; choose another place") from error
-        except BaseException:  # a signal's
-            self._discard()
-            raise
-        self._writer = writer
+        with ExitStack() as stack:
+            try:
+                folder = stack.enter_context(partial_folder(self.path))
+                writer = McapBagWriter(
+                    folder / name, version=McapBagWriter.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP
+                )
+                if self._compress:
+                    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+                writer.set_custom_data(*OWN)
+                writer.open()
+            except OSError as error:
+                raise BagError(f"cannot write a bag at {self.path}: {error}; choose another place") from error
+            stack.callback(_close, writer)
+            self._writer, self._open = writer, stack.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         writer, self._writer = self._writer, None
-        try:
-            if kind is None:
-                writer.close()
-                self._put_in_place(writer.path)
-        except OSError as failure:
-            raise BagError(
-                f"cannot finish the bag {self.path}: {failure}; free some space or choose another place"
-            ) from failure
-        finally:
-            writer.abort()  # closes the file; after a close it has nothing to do
-            self._discard()
+        with self._open:
+            try:
+                if kind is None:
+                    writer.close()
+                    self._put_in_place(writer.path)
+            except OSError as failure:
+                raise BagError(
+                    f"cannot finish the bag {self.path}: {failure}; free some space or choose another place"
+                ) from failure
 
     def write(self, topic: str, message: object, log_time_ns: int, type_name: str | None = None) -> None:
         """Serialises and writes a message.
@@ -207,7 +199,8 @@ class BagWriter:
         source.rename(self.path)
         sync(self.path.parent)
 
-    def _discard(self) -> None:
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            self._folder = None
+
+def _close(writer: Any) -> None:
+    """Closes the file of a bag that is not finished; after the writer's own close there is nothing to do."""
+    with suppress(OSError):  # on a full disk what is left in its buffer has no room either
+        writer.abort()

@@ -9,6 +9,9 @@ import typer
 
 from radcam_depth_ros.cli.terminal.options import keep_apart, progress_bar
 
+SOME_FAILED = 3
+"""Exit code of a run that did what it could, and told what failed."""
+
 
 def import_(
     dataset: Annotated[str, typer.Argument(help="nuscenes or truckscenes.")],
@@ -32,6 +35,8 @@ def import_(
 ) -> None:
     """Imports a public data set: a bag for each scene, which the node and all verbs read.
 
+    A scene that fails is told, and the others go on; then the exit code is 3.
+
     Example: radcam-depth simulate out/drive --seed 7 --frames 20 &&
     radcam-depth export-dataset nuscenes out/drive out/nuscenes &&
     radcam-depth import nuscenes out/nuscenes out/scenes --version v1.0-mini
@@ -43,6 +48,7 @@ def import_(
         ImportOptions,
         import_scenes,
         plan_import,
+        some_names,
     )
 
     if dataset not in LAYOUTS:
@@ -64,14 +70,19 @@ def import_(
         def done(scene: ImportedScene) -> None:
             progress.advance(task)
             if scene.problem:
-                progress.console.print(f"{scene.name}: {scene.problem}", markup=False)
+                progress.console.print(f"{scene.name}: {scene.problem}", markup=False, soft_wrap=True)
 
         results = import_scenes(
             plan, jobs, overwrite=overwrite, tick=lambda rows: progress.advance(reading, rows), done=done
         )
     failed = [scene.name for scene in results if scene.problem]
     if failed:
-        raise DatasetError(f"{len(failed)} of {len(results)} scenes were not imported: {', '.join(failed)}; see above")
+        typer.echo(
+            f"radcam-depth: {len(failed)} of {len(results)} scenes were not imported: {some_names(failed)}; see above, "
+            "and import again, which keeps the others",
+            err=True,
+        )
+        raise typer.Exit(SOME_FAILED)
     typer.echo(f"{out}: {len(results)} scenes, {sum(scene.was_there for scene in results)} of them were there before")
 
 

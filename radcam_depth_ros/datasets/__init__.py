@@ -2,7 +2,7 @@
 
 from radcam_depth_ros.datasets.errors import DatasetError
 from radcam_depth_ros.datasets.exporting import export_nuscenes
-from radcam_depth_ros.datasets.importing import ImportedScene, import_scenes, plan_import
+from radcam_depth_ros.datasets.importing import ImportedScene, import_scenes, plan_import, some_names
 from radcam_depth_ros.datasets.layout import LAYOUTS, DatasetLayout, ImportOptions
 from radcam_depth_ros.datasets.splits import SPLITS
 
@@ -16,4 +16,5 @@ __all__ = [
     "export_nuscenes",
     "import_scenes",
     "plan_import",
+    "some_names",
 ]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import secrets
-import shutil
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,7 +14,7 @@ import numpy as np
 
 from radcam_depth_ros.datasets.errors import DatasetError
 from radcam_depth_ros.datasets.recorded import RecordedDrive, Sensor
-from radcam_depth_ros.files import cannot_write
+from radcam_depth_ros.files import cannot_write, partial_folder
 from radcam_depth_ros.geometry import RigidTransform
 
 _TABLES = (
@@ -52,19 +50,16 @@ def export_nuscenes(
     """
     if out.exists():
         raise DatasetError(f"expected a new folder for the data set, got {out}, which is there; choose another name")
-    partial = out.with_name(f".{out.name}.partial-{secrets.token_hex(4)}")
     try:
-        partial.mkdir(parents=True)
-        tables = _Tables(partial)
-        for index, bag in enumerate(bags):
-            tables.add(RecordedDrive(bag), names[index] if names else f"scene-{index + 1:04d}")
-            progress()
-        tables.write(version)
-        partial.rename(out)
+        with partial_folder(out) as partial:
+            tables = _Tables(partial / out.name)
+            for index, bag in enumerate(bags):
+                tables.add(RecordedDrive(bag), names[index] if names else f"scene-{index + 1:04d}")
+                progress()
+            tables.write(version)
+            (partial / out.name).rename(out)
     except OSError as error:
         raise cannot_write(out, error) from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 class _Tables:
@@ -103,7 +98,7 @@ class _Tables:
     def write(self, version: str) -> None:
         """Writes the tables, and a map that covers every log."""
         mask = f"maps/{_token('map')}.png"
-        (self._root / "maps").mkdir()
+        (self._root / "maps").mkdir(parents=True)
         (self._root / mask).write_bytes(cv2.imencode(".png", np.zeros((20, 20), np.uint8))[1].tobytes())
         logs = [row["token"] for row in self._rows["log"]]
         self._add("map", _token("map"), log_tokens=logs, category="semantic_prior", filename=mask)

@@ -94,7 +94,7 @@ def plan_import(
     unknown = [name for name in names if name not in known]
     if unknown:
         raise DatasetError(
-            f"expected scenes of {root / version}, got {', '.join(unknown)}; it has {len(known)}: {_some(known)}"
+            f"expected scenes of {root / version}, got {', '.join(unknown)}; it has {len(known)}: {some_names(known)}"
         )
     chosen = set(names or known)
     if split is not None:
@@ -117,6 +117,8 @@ def import_scenes(
 ) -> tuple[ImportedScene, ...]:
     """Writes a bag for each scene of a plan; those that are there already, made with the same options, are kept.
 
+    A bag that is there and cannot be read fails its scene: it may be somebody's recording.
+
     Args:
         plan: What to import.
         jobs: Scenes at once, each in a process, at least 1.
@@ -135,12 +137,11 @@ def import_scenes(
         results.append(result)
         done(result)
 
-    todo = []
-    for scene in plan.scenes:
-        if not overwrite and _is_there(plan, scene):
-            report(ImportedScene(scene.name, was_there=True))
-        else:
-            todo.append(scene)
+    found = {} if overwrite else {scene.name: _found(plan, scene) for scene in plan.scenes}
+    todo = [scene for scene in plan.scenes if found.get(scene.name) is None]
+    for there in found.values():
+        if there is not None:
+            report(there)
     if not todo:
         return tuple(results)
     numbered = (
@@ -197,22 +198,23 @@ def _imported(job: SceneImport) -> ImportedScene:
     return ImportedScene(job.records.scene.name)
 
 
-def _is_there(plan: ImportPlan, scene: Scene) -> bool:
-    """Whether a scene's bag is whole; DatasetError for one that was made of something else."""
+def _found(plan: ImportPlan, scene: Scene) -> ImportedScene | None:
+    """The scene, where its bag is there, whole or not; DatasetError for one that was made of something else."""
     bag = plan.bag(scene)
     if not bag.exists():
-        return False
+        return None
     try:
         with BagReader(bag) as reader:
             made_with = read_scenario(reader).get("imported", "something else")
     except BagError as error:
-        raise DatasetError(f"{bag} is there but cannot be read: {error}") from None
+        return ImportedScene(scene.name, f"{bag} is there and cannot be read; remove it, and import again ({error})")
     if made_with != plan.made_with:
         raise DatasetError(
             f"expected {bag} to be made of {plan.made_with}, got {made_with}; choose another folder, or --overwrite"
         )
-    return True
+    return ImportedScene(scene.name, was_there=True)
 
 
-def _some(names: Sequence[str]) -> str:
+def some_names(names: Sequence[str]) -> str:
+    """Names for a sentence: all of them, or the first and the last."""
     return ", ".join(names) if len(names) <= 4 else f"{', '.join(names[:3])} ... {names[-1]}"

@@ -126,4 +126,5 @@ class ImportOptions:
 
     def describe(self, layout: DatasetLayout) -> str:
         """The options in one line, by which a bag tells what it was made with."""
-        return f"images={self.images} radars={self.radars} cameras={','.join(self.channels(layout))}"
+        cameras = ",".join(sorted(set(self.channels(layout))))
+        return f"images={self.images} radars={self.radars} cameras={cameras}"

@@ -25,6 +25,7 @@ from radcam_depth_ros.messages import (
 )
 
 _US_NS = 1_000
+_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _FASTEST_MPS, _JITTER_M = 100.0, 1.0
 """No vehicle is faster than this over some metres: there the ego pose jumps."""
 _SPEED_US = 50_000
@@ -65,7 +66,10 @@ def write_scene(job: SceneImport) -> None:
     """
     records, layout = job.records, LAYOUTS[job.layout]
     if not len(records.time_us) or not len(records.pose_time_us):
-        raise DatasetError(f"expected readings and poses of {records.scene.name}, got none; unpack the metadata anew")
+        raise DatasetError(
+            f"expected readings in {records.scene.name} and an ego_pose of each, got none of some; unpack the metadata "
+            "anew"
+        )
     poses = _poses(records)
     mounts = [_transform(sensor.pose, f"{sensor.channel} of {records.scene.name}") for sensor in records.sensors]
     with BagWriter(job.out, latched=("/tf_static", SCENARIO_TOPIC), overwrite=job.overwrite) as writer:
@@ -100,6 +104,8 @@ def _write_reading(writer: BagWriter, job: SceneImport, layout: DatasetLayout, i
         read = layout.read_radar if sensor.modality == "radar" else layout.read_lidar
         writer.write(f"{topic}/points", encode_points(factory, read(content, name), stamp_ns, frame), stamp_ns)
         return
+    if not content.startswith(_JPEG_START) or _JPEG_END not in content:
+        raise DatasetError(f"expected a whole JPEG in {name}, got {len(content)} bytes of none; copy the file anew")
     width, height = records.size[index].tolist()
     camera = _camera(sensor, width, height)
     writer.write(f"{topic}/image_raw/compressed", encode_jpeg_file(factory, content, stamp_ns, frame), stamp_ns)

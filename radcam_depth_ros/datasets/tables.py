@@ -84,7 +84,7 @@ class SceneRecords:
         sample: (N,) int64, the same for the readings of one sample.
         size: (N, 2) int64 width and height of images in pixels.
         files: N paths below the data set's folder.
-        pose_time_us: (P,) int64, ascending, each once.
+        pose_time_us: (P,) int64, ascending, each once; empty where a reading has no pose.
         poses: (P, 7) float64, the ego frame in the global one: x y z in metres and the quaternion w x y z.
     """
 
@@ -208,7 +208,7 @@ class Tables:
         if missing:
             raise DatasetError(
                 f"expected the sensors {', '.join(wanted)} of {layout.title} in {self._folder}, got "
-                f"{', '.join(there)}; check --cameras, and which data set it is"
+                f"{', '.join(there) or 'none'}; check --cameras, and which data set it is"
             )
 
 
@@ -271,7 +271,7 @@ class _Readings:
 
     def records(self, scene: Scene, rows: npt.NDArray[np.int64], poses: _Poses) -> SceneRecords:
         """One scene."""
-        pose_time_us, pose = poses.of(np.frombuffer(self.poses, np.int64)[rows], scene.name)
+        pose_time_us, pose = poses.of(np.frombuffer(self.poses, np.int64)[rows])
         sensor = np.frombuffer(self._sensor, np.int32)
         rows = rows[sensor[rows] >= 0]
         used, places = np.unique(sensor[rows], return_inverse=True)
@@ -321,21 +321,11 @@ class _Poses:
         self._order = np.argsort(keys, kind="stable")
         self._sorted = keys[self._order]
 
-    def of(self, keys: npt.NDArray[np.int64], scene: str) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-        """The times and poses of some keys, by time, each time once."""
-        if not len(keys):
+    def of(self, keys: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+        """The times and poses of some keys, by time, each time once; none where the table lacks one of them."""
+        if not np.isin(keys, self._sorted).all() or not len(keys):
             return np.zeros(0, np.int64), np.zeros((0, _POSE_VALUES))
-        if not len(self._sorted):
-            raise _without_pose(scene)
-        place = np.minimum(np.searchsorted(self._sorted, keys), len(self._sorted) - 1)
-        if not (self._sorted[place] == keys).all():
-            raise _without_pose(scene)
+        place = np.searchsorted(self._sorted, keys)
         rows = self._order[place]
         times, first = np.unique(np.frombuffer(self._times, np.int64)[rows], return_index=True)
         return times, np.frombuffer(self._values, np.float64).reshape(-1, _POSE_VALUES)[rows[first]]
-
-
-def _without_pose(scene: str) -> DatasetError:
-    return DatasetError(
-        f"expected an ego_pose of each sample_data of {scene}, got none for some; unpack the metadata anew"
-    )

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 import yaml
+from disks import full_disk
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -165,6 +166,15 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(BagError, match="cannot write a bag"), BagWriter(tmp_path / "file" / "drive"):
         pass
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize(("size", "room"), [(30, 100), (30, 3000), (400_000, 1_200_000), (2_000_000, 100)])
+def test_a_disk_that_is_full_to_the_last_byte_keeps_nothing(tmp_path, place, size, room):
+    # What the writer still has in its buffer cannot be written either when the file is closed.
+    with full_disk(room), pytest.raises(BagError, match=r"cannot (finish|write to) the bag"):
+        write_drive(tmp_path / place, size=size, compress=False)
+    assert names_in(tmp_path) == []
 
 
 def test_writing_refuses_what_it_cannot_write(tmp_path):

@@ -16,6 +16,17 @@ def test_the_page_has_the_published_table_with_an_empty_column_of_ours() -> None
     assert published.markdown({}) in (ROOT / "docs/results.md").read_text(encoding="utf-8")
 
 
+def test_networks_without_shipped_weights_are_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert published.shipped_networks() == ["baff", "lircdepth", "structured"]
+    write_surround_drive(tmp_path / "drive.mcap", SurroundDrive(seconds=0.4))
+    monkeypatch.setattr(sys, "argv", ["published", "--bags", str(tmp_path), "--network", "cafnet"])
+    with pytest.raises(SystemExit, match="2"):
+        published.main()
+    assert "no weights for 'cafnet'" in capsys.readouterr().err
+
+
 def test_figures_fill_the_column(
     tmp_path: Path, small_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

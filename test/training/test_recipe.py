@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,6 +46,9 @@ def test_recipes_of_nuscenes_have_the_truth_of_the_papers(name: str, network: st
     truth = recipe.accumulation
     assert (truth.scans, truth.outlier_kernel_px, truth.outlier_m, truth.interpolate) == (80, 7, 1.5, True)
     assert recipe.device == "cuda"
+    # Epochs of the 27,430 training frames: [Electronics2025], [Li2023], public code of [Sun2025] and of [Sun2024].
+    epochs = {"baff": 470, "structured": 30, "lircdepth": 200, "cafnet": 200}[network]
+    assert recipe.iterations == epochs * math.ceil(27_430 / recipe.phases[0].batch)
 
 
 def test_the_rate_falls_at_the_milestones_of_the_papers() -> None:
@@ -100,6 +104,10 @@ def test_learning_rates() -> None:
     assert cosine.rate(0, 0.0) == pytest.approx(1e-4)
     assert cosine.rate(100, 0.5) == pytest.approx(1e-3 * 0.55)
     assert cosine.rate(1000, 1.0) == pytest.approx(1e-4)
+    polynomial = replace(cosine, schedule="polynomial")
+    assert [polynomial.rate(1000, progress) for progress in (0.0, 0.5, 1.0)] == pytest.approx(
+        [1e-3, 1e-4 + 9e-4 * 0.5**0.9, 1e-4]
+    )
     step = replace(RECIPE.optimiser, learning_rate=2e-4, schedule="step", warm_up_iterations=0)
     assert [step.rate(9, progress) for progress in (0.5, 0.9)] == pytest.approx([2e-4, 1e-4])
 
