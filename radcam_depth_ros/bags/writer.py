@@ -7,6 +7,7 @@ import secrets
 import shutil
 import struct
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -130,7 +131,8 @@ class BagWriter:
                 f"cannot finish the bag {self.path}: {failure}; free some space or choose another place"
             ) from failure
         finally:
-            writer.abort()  # closes the file; after a close it has nothing to do
+            with suppress(OSError):  # of what it had still to write: the disk is full
+                writer.abort()  # closes the file; after a close it has nothing to do
             self._discard()
 
     def write(self, topic: str, message: object, log_time_ns: int, type_name: str | None = None) -> None:

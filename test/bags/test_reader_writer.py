@@ -14,6 +14,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from radcam_depth_ros.bags import BagError, BagReader, BagWriter, factory
+from radcam_depth_ros.bags.storage import McapBagWriter
 
 SECOND = 1_000_000_000
 PLACES = ["drive", "drive.mcap"]
@@ -173,12 +174,25 @@ def test_a_bag_comes_back_when_another_cannot_take_its_place(tmp_path, place, mo
     def fail(source, target):
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
-    with monkeypatch.context() as patched, pytest.raises(BagError, match="cannot finish"):
+    with monkeypatch.context() as patched:
         patched.setattr(Path, "replace", fail)
-        write_drive(path, count=3, overwrite=True)
+        with pytest.raises(BagError, match="cannot finish"):
+            write_drive(path, count=3, overwrite=True)
     with BagReader(path) as bag:
         assert bag.count(["/camera/image_raw"]) == 2
     assert names_in(tmp_path) == [place]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_nothing_stays_when_the_file_cannot_even_be_closed(tmp_path, place, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(McapBagWriter, "write", full)
+    monkeypatch.setattr(McapBagWriter, "abort", full)
+    with pytest.raises(BagError, match=r"cannot write to the bag .*No space left"):
+        write_drive(tmp_path / place)
+    assert names_in(tmp_path) == []
 
 
 def test_a_file_that_is_cut_short_is_never_overwritten(tmp_path):
