@@ -185,11 +185,17 @@ def test_a_bag_comes_back_when_another_cannot_take_its_place(tmp_path, place, mo
 
 @pytest.mark.parametrize("place", PLACES)
 def test_nothing_stays_when_the_file_cannot_even_be_closed(tmp_path, place, monkeypatch):
+    abort = McapBagWriter.abort
+
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
+    def closed_but_full(writer):
+        abort(writer)
+        full()
+
     monkeypatch.setattr(McapBagWriter, "write", full)
-    monkeypatch.setattr(McapBagWriter, "abort", full)
+    monkeypatch.setattr(McapBagWriter, "abort", closed_but_full)
     with pytest.raises(BagError, match=r"cannot write to the bag .*No space left"):
         write_drive(tmp_path / place)
     assert names_in(tmp_path) == []
