@@ -136,4 +136,6 @@ def _meet(target: Path, origin: Path) -> bool:
     if read in written.parents:
         # A folder of bags may have other files beside them.
         return (read / "metadata.yaml").is_file()
-    return written.exists() and read.exists() and written.samefile(read)
+    if not written.exists() or not read.exists():
+        return False
+    return any(written.samefile(file) for file in (read, *(read.iterdir() if read.is_dir() else ())))

@@ -55,6 +55,8 @@ def test_what_is_read_is_not_written_to_by_any_name(tmp_path: Path, monkeypatch:
     file.touch()
     (tmp_path / "link").symlink_to(bag)
     (tmp_path / "hard.mcap").hardlink_to(file)
+    (bag / "0.mcap").touch()
+    (tmp_path / "within.mcap").hardlink_to(bag / "0.mcap")
     for written, read in (
         (bag, bag),
         ("drives/bag", bag),
@@ -66,6 +68,7 @@ def test_what_is_read_is_not_written_to_by_any_name(tmp_path: Path, monkeypatch:
         ("drives", bag),
         ("hard.mcap", file),
         (file, "hard.mcap"),
+        ("within.mcap", bag),
     ):
         with pytest.raises(FileError, match=r"would be written to, but .* is read"):
             require_apart([None, written], [None, read])

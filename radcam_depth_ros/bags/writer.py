@@ -46,8 +46,15 @@ OWN = ("written_by", "radcam_depth_ros")
 
 
 def is_own(path: Path) -> bool:
-    """Whether a bag was written by `BagWriter`, so that it can be made again; False for what cannot be read."""
+    """Whether a bag was written by `BagWriter`, so that it can be made again; False for what cannot be read.
+
+    A folder must hold nothing else: whoever put notes or a recording beside the bag still wants them.
+    """
     try:
+        if path.is_dir():
+            others = [file for file in path.iterdir() if file.name != "metadata.yaml"]
+            if not all(file.suffix == ".mcap" and file.is_file() and is_own(file) for file in others):
+                return False
         text = (path / "metadata.yaml").read_bytes() if path.is_dir() else bag_metadata(path)
     except (OSError, ValueError, struct.error):
         return False
@@ -185,8 +192,8 @@ class BagWriter:
         # A mistyped path must not cost somebody a folder of other things, and no option a recording.
         if self.path.is_dir() == self._is_file or not is_own(self.path):
             raise BagError(
-                f"{self.path} is no bag that radcam-depth wrote, so it is not overwritten; remove it, or choose "
-                "another name"
+                f"{self.path} is no bag that radcam-depth wrote, or has other files in it, so it is not overwritten; "
+                "remove it, or choose another name"
             )
 
     def _put_in_place(self, written: Path) -> None:
@@ -194,9 +201,15 @@ class BagWriter:
         source = next(written.glob("*.mcap")) if self._is_file else written
         for file in written.iterdir():
             sync(file)
-        if self.path.exists():
-            self.path.rename(written.parent / "replaced")  # goes with the temporary folder
-        source.rename(self.path)
+        replaced = written.parent / "replaced"  # goes with the temporary folder
+        if self.path.is_dir():  # a folder cannot take the place of another in one step
+            self.path.rename(replaced)
+        try:
+            source.replace(self.path)
+        except BaseException:
+            if replaced.exists():
+                replaced.rename(self.path)
+            raise
         sync(self.path.parent)
 
 

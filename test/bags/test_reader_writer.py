@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import errno
+import os
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from radcam_depth_ros.bags import BagError, BagReader, BagWriter, factory
+from radcam_depth_ros.bags.storage import McapBagWriter
 
 SECOND = 1_000_000_000
 PLACES = ["drive", "drive.mcap"]
@@ -151,6 +155,51 @@ def test_a_recording_of_somebody_else_is_never_overwritten(tmp_path, place):
     shutil.copytree(folder, path) if place == "drive" else shutil.copy(next(folder.glob("*.mcap")), path)
     with pytest.raises(BagError, match="no bag that radcam-depth wrote"):
         BagWriter(path, overwrite=True)
+
+
+@pytest.mark.parametrize("other", ["notes.txt", "recording.mcap", "pictures/1.png"])
+def test_other_files_in_a_bag_of_our_own_are_never_lost(tmp_path, other):
+    path = write_drive(tmp_path / "drive")
+    file = path / other
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("somebody's")
+    with pytest.raises(BagError, match="other files"):
+        BagWriter(path, overwrite=True)
+    assert file.read_text() == "somebody's"
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_bag_comes_back_when_another_cannot_take_its_place(tmp_path, place, monkeypatch):
+    path = write_drive(tmp_path / place, count=2)
+
+    def fail(source, target):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", fail)
+        with pytest.raises(BagError, match="cannot finish"):
+            write_drive(path, count=3, overwrite=True)
+    with BagReader(path) as bag:
+        assert bag.count(["/camera/image_raw"]) == 2
+    assert names_in(tmp_path) == [place]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_nothing_stays_when_the_file_cannot_even_be_closed(tmp_path, place, monkeypatch):
+    abort = McapBagWriter.abort
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def closed_but_full(writer):
+        abort(writer)
+        full()
+
+    monkeypatch.setattr(McapBagWriter, "write", full)
+    monkeypatch.setattr(McapBagWriter, "abort", closed_but_full)
+    with pytest.raises(BagError, match=r"cannot write to the bag .*No space left"):
+        write_drive(tmp_path / place)
+    assert names_in(tmp_path) == []
 
 
 def test_a_file_that_is_cut_short_is_never_overwritten(tmp_path):

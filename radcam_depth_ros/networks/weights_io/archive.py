@@ -61,6 +61,8 @@ def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[s
             f"no weight file at {path}; give a .safetensors file with its card, an exported .pt file, or a network's "
             f"name: {', '.join(registry.names())}"
         )
+    if path.suffix.lower() == ".onnx":
+        raise ArchiveError(f"{path} is an ONNX file, which is not read here; give its .safetensors file")
     is_exported = path.suffix != ".safetensors"
     if is_exported and not allow_exported:
         raise ArchiveError(
