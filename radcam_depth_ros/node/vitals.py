@@ -74,7 +74,7 @@ class Vitals:
             return Status(source.part, problem[0], problem[1] + since, values)
         if silent_s is not None:
             sentence = (
-                f"expected {source.type_name} on {source.topic}, got nothing for {silent_s:.1f} s; "
+                f"expected {source.expected} on {source.topic}, got nothing for {silent_s:.1f} s; "
                 f"{self.watchdog.why_silent(source)}"
             )
             return Status(source.part, silent_level, sentence, values)
