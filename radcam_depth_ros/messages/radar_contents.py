@@ -108,6 +108,10 @@ class RadarContents:
             ("field of the RCS", self._rcs.field),
         )
 
+    def summary(self) -> str:
+        """The same in a clause; empty before the first return."""
+        return ", ".join(f"{name.removeprefix('field of the ')} from {field}" for name, field in self.values())
+
     def doubt(self, topic: str) -> str:
         """Why an intensity that is taken for the RCS on a topic is likely the Doppler speed; empty where it is not."""
         if not self._is_guessed or not self._evidence.is_strong:

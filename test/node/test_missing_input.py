@@ -104,9 +104,8 @@ def test_before_the_first_depth_one_line_says_what_there_is_in_place_of_what_is_
     words = (
         "(1) images come, but no sensor_msgs/msg/CameraInfo on /camera_info (no publishers): nobody publishes it; of "
         "this type there is /front/camera_info: set camera_info_topic to it",
-        "(2) sensor_msgs/msg/PointCloud2 or radar_msgs/msg/RadarScan on /radar/points (no publishers): nobody publishes "
-        "it; of this type there is "
-        "/radar_front/points: set radar_topics to it",
+        "(2) sensor_msgs/msg/PointCloud2 or radar_msgs/msg/RadarScan on /radar/points (no publishers): nobody "
+        "publishes it; of this type there is /radar_front/points: set radar_topics to it",
     )
     bench.until(lambda: [line for line in bench.logs if all(part in line for part in words)], what="it in the log")
     bench.diagnostics.clear()

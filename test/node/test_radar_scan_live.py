@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from generated_messages import require_radar_msgs
 from radar_scans import SCAN, encode_scan, polar
-from small_drive import CAMERA, CAMERA_FROM_RADAR, START_NS, small_image, small_returns
+from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_returns
 
 from radcam_depth_ros.bags import BagReader, BagWriter, factory
 from radcam_depth_ros.drive import DriveSettings
@@ -26,13 +27,13 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 TOPIC = "radar/points"
 RADAR = "radar /radar/points"
 EXTRINSICS = tuple(float(value) for value in (*CAMERA_FROM_RADAR.translation, *CAMERA_FROM_RADAR.quaternion))
-DEPTH_PERIOD_NS = 100_000_000
+FRAMES = 3
+DEPTH = ("depth/image_rect", "semi_dense/image_rect")
 
 
 @pytest.fixture(autouse=True)
-def _radar_msgs(request: pytest.FixtureRequest) -> None:
-    if "without_the_package" not in request.keywords:
-        require_radar_msgs()
+def _radar_msgs() -> None:
+    require_radar_msgs()
 
 
 def scan(bench: Any, **columns: Any) -> Any:
@@ -46,13 +47,9 @@ def send_scan(bench: Any, **columns: Any) -> Callable[[], None]:
     return lambda: bench.send_pair(cloud=scan(bench, **columns))
 
 
-def unadvertise(bench: Any, topic: str) -> None:
-    bench.peer.destroy_publisher(bench._publishers.pop(topic))
-
-
 def messages(make: Any, index: int, radar_type: str) -> dict[str, Any]:
     """One frame of the small drive; the same returns, range by range, as a scan or as a cloud."""
-    stamp_ns = START_NS + index * DEPTH_PERIOD_NS
+    stamp_ns = START_NS + index * PERIOD_NS
     xyz = small_returns(index)
     columns = {**polar(xyz), "doppler_velocity": -xyz[:, 0] / 9, "amplitude": xyz[:, 0] / 5}
     encode = encode_scan if radar_type == SCAN else encode_points
@@ -63,48 +60,57 @@ def messages(make: Any, index: int, radar_type: str) -> dict[str, Any]:
     }
 
 
+def replayed(folder: Path, radar_type: str, weights: Path) -> list[np.ndarray]:
+    """Depth of the drive with scans or clouds, by the verb's way."""
+    bag, target = folder / "drive.mcap", folder / "depth.mcap"
+    types = {"image": "sensor_msgs/msg/Image", "camera_info": "sensor_msgs/msg/CameraInfo", TOPIC: radar_type}
+    with BagWriter(bag) as writer:
+        for index in range(FRAMES):
+            for topic, message in messages(factory, index, radar_type).items():
+                writer.write(f"/camera/{topic}", message, START_NS + index * PERIOD_NS, types[topic])
+    estimator = Estimator(EstimatorConfig(model_file=str(weights)))
+    replay(bag, target, estimator, DriveSettings(FrameBuilderConfig(camera_from_radar=EXTRINSICS)))
+    with BagReader(target) as reader:
+        return [decode_depth(item.message).depth_m for topic in DEPTH for item in reader.messages([f"/{topic}"])]
+
+
+def played(bench: Any, radar_type: str) -> list[np.ndarray]:
+    """Depth of the same drive by the live node."""
+    semi_dense: list[Any] = []
+    bench.subscribe(DEPTH[1], "sensor_msgs/msg/Image", semi_dense.append)
+    bench.advertise(TOPIC, radar_type)
+    bench.connect()
+
+    def send(index: int) -> None:
+        for topic, message in messages(build_message, index, radar_type).items():
+            bench.send(topic, message)
+
+    for index in range(FRAMES):
+        bench.send_until(
+            lambda index=index: min(len(semi_dense), len(bench.depth)) > index,
+            lambda index=index: send(index),
+            what="depth",
+        )
+    return [decode_depth(message).depth_m for message in (*bench.depth, *semi_dense)]
+
+
 def test_a_scan_and_a_cloud_of_the_same_returns_give_the_same_depth_live_and_replayed(
     start: Callable[..., Any], small_weights: Path, tmp_path: Path
 ) -> None:
     found: dict[str, list[np.ndarray]] = {}
     for radar_type in (CLOUD, SCAN):
-        bag = tmp_path / f"{radar_type.rpartition('/')[2]}.mcap"
-        types = {"image": "sensor_msgs/msg/Image", "camera_info": "sensor_msgs/msg/CameraInfo", TOPIC: radar_type}
-        with BagWriter(bag) as writer:
-            for index in range(3):
-                for topic, message in messages(factory, index, radar_type).items():
-                    writer.write(f"/camera/{topic}", message, START_NS + index * DEPTH_PERIOD_NS, types[topic])
-        estimator = Estimator(EstimatorConfig(model_file=str(small_weights)))
-        settings = DriveSettings(FrameBuilderConfig(camera_from_radar=EXTRINSICS))
-        replay(bag, tmp_path / f"depth_{bag.name}", estimator, settings)
-        with BagReader(tmp_path / f"depth_{bag.name}") as reader:
-            read = reader.messages(["/semi_dense/image_rect", "/depth/image_rect"])
-            found[f"replayed {radar_type}"] = [decode_depth(item.message).depth_m for item in read]
-
+        folder = tmp_path / radar_type.rpartition("/")[2]
+        folder.mkdir()
+        found[f"replayed {radar_type}"] = replayed(folder, radar_type, small_weights)
         bench = start(Estimator, model_file=str(small_weights), camera_from_radar=list(EXTRINSICS), max_wait_s=0.5)
-        semi_dense: list[Any] = []
-        bench.subscribe("semi_dense/image_rect", "sensor_msgs/msg/Image", semi_dense.append)
-        bench.advertise(TOPIC, radar_type)
-        bench.connect()
-        for index in range(3):
-            sent = messages(build_message, index, radar_type)
-            bench.send_until(
-                lambda index=index: len(semi_dense) > index and len(bench.depth) > index,
-                lambda sent=sent: [bench.send(topic, message) for topic, message in sent.items()],
-                what="depth",
-            )
-        live = [decode_depth(message).depth_m for pair in zip(semi_dense, bench.depth, strict=True) for message in pair]
-        found[f"live {radar_type}"] = live
+        found[f"live {radar_type}"] = played(bench, radar_type)
         bench.close()
     expected = found[f"live {CLOUD}"]
-    assert np.isfinite(expected[0]).any(), "no return reaches the network"
+    assert all(np.isfinite(depth_m).any() for depth_m in expected), "no return reaches the network"
     for name, images in found.items():
-        if name.startswith("live"):
-            assert len(images) == len(expected)
-            for image, other in zip(images, expected, strict=True):
-                np.testing.assert_array_equal(image, other, name)
-    for image, other in zip(found[f"replayed {SCAN}"], found[f"replayed {CLOUD}"], strict=True):
-        np.testing.assert_array_equal(image, other)
+        assert len(images) == len(DEPTH) * FRAMES
+        for image, other in zip(images, expected, strict=True):
+            np.testing.assert_array_equal(image, other, name)
 
 
 def test_diagnostics_and_log_tell_what_is_read_of_a_scan(start: Callable[..., Any]) -> None:
@@ -124,26 +130,30 @@ def test_diagnostics_and_log_tell_what_is_read_of_a_scan(start: Callable[..., An
     bench.until(lambda: [log for log in bench.logs if line + "amplitude" in log], what="its line")
 
 
-def test_a_type_that_changes_while_the_node_runs_is_followed(start: Callable[..., Any]) -> None:
+def test_a_type_that_changes_while_the_node_runs_is_followed(start: Callable[..., Any], driver: Any) -> None:
     bench = start()
-    bench.connect()
-    bench.await_depth()
-    unadvertise(bench, TOPIC)
-    for type_name, send in ((SCAN, send_scan(bench, range=[30.0, 40.0])), (CLOUD, bench.send_pair)):
-        bench.advertise(TOPIC, type_name)
+    bench.connect(TOPIC)
 
-        def is_read(type_name: str = type_name) -> bool:
-            places = list(bench.fake.radar_m.values())
-            return len(places[-1]) == 2 and np.isclose(places[-1][0, 2], 30 if type_name == SCAN else 10)
+    def send(type_name: str, distance_m: float) -> None:
+        columns = {"range": [distance_m, 50.0]}
+        driver.send(TOPIC, scan(bench, **columns) if type_name == SCAN else bench.cloud((distance_m, 50.0)))
+        bench.send_pair()
 
-        bench.send_until(is_read, send, what=f"returns of {type_name}")
-        bench.until(lambda type_name=type_name: [log for log in bench.logs if f"is published as {type_name}" in log])
+    def is_read(distance_m: float) -> bool:
+        places = list(bench.fake.radar_m.values())[-1:]
+        return any(len(xyz) == 2 and np.isclose(xyz[0, 2], distance_m) for xyz in places)
+
+    for type_name, distance_m in ((CLOUD, 10.0), (SCAN, 20.0), (CLOUD, 30.0)):
+        driver.advertise(TOPIC, type_name)
+        again = partial(send, type_name, distance_m)
+        bench.send_until(partial(is_read, distance_m), again, what=f"returns of {type_name}")
         bench.diagnostics.clear()
-        status = bench.send_until(
-            lambda: bench.status(RADAR, "Hz on /radar/points"), send, what="a status that is well"
-        )
+        status = bench.send_until(lambda: bench.status(RADAR, "Hz on /radar/points"), again, what="its status")
         assert {value.key: value.value for value in status.values}["type"] == type_name
-        unadvertise(bench, TOPIC)
+        driver.unadvertise(TOPIC)
+    for type_name in (SCAN, CLOUD):
+        sentence = f"its topic is published as {type_name}, and read as that from now on"
+        bench.until(lambda sentence=sentence: [log for log in bench.logs if sentence in log], what=sentence)
     assert not [log for log in bench.logs if "another type" in log]
 
 
@@ -177,33 +187,37 @@ def test_a_scan_of_100_000_returns_is_thinned_and_a_larger_one_left_out(start: C
         bench.send_until(lambda words=words: bench.status(RADAR, words), send, what=words)
 
 
-def test_a_scan_near_by_is_proposed_and_tracks_are_not(start: Callable[..., Any], monkeypatch: Any) -> None:
+def test_a_scan_near_by_is_proposed_and_another_type_is_named(
+    start: Callable[..., Any], driver: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(watchdog, "SILENCE_S", 0.3)
     bench = start()
+    bench.until(lambda: bench.state == "active", what="the node")
     bench.advertise("radar/scan", SCAN)
-    bench.advertise(TOPIC, "std_msgs/msg/Header")
+    driver.advertise(TOPIC, "std_msgs/msg/Header")
     words = f"it is published as std_msgs/msg/Header: set radar_topics to a topic of {CLOUD} or {SCAN}"
     bench.until(lambda: bench.status(RADAR, words), what="another type")
-    unadvertise(bench, TOPIC)
+    driver.unadvertise(TOPIC)
     words = "of this type there is /radar/scan: set radar_topics to it"
     bench.until(lambda: bench.status(RADAR, words), what="the proposal")
 
 
 def test_a_scan_without_its_package_is_named_and_the_cloud_is_read_later(
-    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    start: Callable[..., Any], driver: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(subscriptions, "has_messages", lambda type_name: type_name != SCAN)
     bench = start()
-    bench.advertise(TOPIC, SCAN)
+    bench.until(lambda: bench.state == "active", what="the node")
+    driver.advertise(TOPIC, SCAN)
     words = f"/radar/points is published as {SCAN}, which cannot be read since radar_msgs is not installed: install "
     status = bench.until(lambda: bench.status(RADAR, words), what="its status")
     assert "ros-jazzy-radar-msgs" in status.message
     assert status.level == b"\x02"
-    assert len([log for log in bench.logs if words in log]) <= 1
-    unadvertise(bench, TOPIC)
+    driver.unadvertise(TOPIC)
     bench.connect()
     bench.await_depth()
     bench.send_until(lambda: bench.diagnostics[-1][RADAR].level == b"\x00", what="a status that is well")
+    assert len([log for log in bench.logs if words in log]) <= 1
 
 
 def test_an_intensity_that_is_likely_doppler_is_told(start: Callable[..., Any]) -> None:
