@@ -37,7 +37,7 @@ demo: .venv/installed ## a drive through the live node, with a report [BAG=path]
 	    $(if $(FRAMES),--frames "$(FRAMES)") $(if $(SEED),--seed "$(SEED)") $(if $(MODEL),--model "$(MODEL)")
 
 test test-exhaustive check check-all: export ROS_PYTHON_CHECK_FIELDS := 1
-test: .venv/installed .venv/tf2_msgs.installed ## all tests, three at a time [PYTEST_ARGS="test/node -k life"]
+test: .venv/installed .venv/messages.installed ## all tests, three at a time [PYTEST_ARGS="test/node -k life"]
 ifdef PYTEST_ARGS
 	@.venv/bin/python -m pytest $(PYTEST_ARGS)
 else
@@ -63,7 +63,7 @@ adversary: .venv/installed ## attacks the package with a part of the hostile inp
 check: .venv/installed lint ## lint, types and the fast tests, between two edits
 	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not exhaustive and not endurance and not slow" --durations 5 --durations-min 2 -q
 
-check-all: .venv/installed .venv/tf2_msgs.installed lint ## all tests in both number formats, hostile inputs, docs
+check-all: .venv/installed .venv/messages.installed lint ## all tests in both number formats, hostile inputs, docs
 	@for format in float32 bfloat16; do \
 	    printf '\n== %s\n' "$$format"; RADCAM_DEPTH_PRECISION=$$format $(MAKE) --no-print-directory test || exit 1; done
 	@$(MAKE) --no-print-directory test-exhaustive
@@ -95,5 +95,5 @@ clean: ## remove what was built, made and measured here, .venv included
 .venv/installed: setup.py setup.cfg constraints.txt scripts/make_venv
 	@scripts/make_venv
 
-.venv/tf2_msgs.installed: .venv/installed scripts/make_tf2_msgs $(wildcard scripts/tf2_msgs/* scripts/tf2_msgs/msg/*)
-	@scripts/make_tf2_msgs
+.venv/messages.installed: .venv/installed scripts/make_messages $(wildcard scripts/message_packages/* scripts/message_packages/*/* scripts/message_packages/*/msg/*)
+	@scripts/make_messages

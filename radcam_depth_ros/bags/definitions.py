@@ -10,8 +10,19 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Nodet
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from radcam_depth_ros.bags.errors import BagError
-from radcam_depth_ros.bags.unpacking import MOST_BYTES
+from radcam_depth_ros.bags.unpacking import MOST_BYTES, mebibytes
 
+RADAR_SCAN = "radar_msgs/msg/RadarScan"
+_RADAR_RETURN = "radar_msgs/msg/RadarReturn"
+_LACKING = {
+    RADAR_SCAN: f"std_msgs/Header header\n{_RADAR_RETURN}[] returns\n",
+    _RADAR_RETURN: "".join(
+        f"float32 {name}\n" for name in ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
+    ),
+}
+"""Types of ROS 2 Jazzy that rosbags lacks, as radar_msgs 0.2 defines them."""
+MOST_SCAN_BYTES = 4 * 1024**2
+"""Of a RadarScan, which is read return by return: some 200,000 returns, which take a second."""
 MOST_LETTERS = 1024**2
 """Of a definition, with the types that it uses and all comments. The longest of ROS 2 have some 100,000."""
 MOST_TYPES = 256
@@ -44,7 +55,10 @@ _IDL_LITERAL = re.compile(
 @functools.cache
 def jazzy_typestore() -> Any:
     """The message types of ROS 2 Jazzy, as a rosbags type store."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in _LACKING.items():
+        store.register(get_types_from_msg(text, name))
+    return store
 
 
 def prepare(name: str) -> None:
@@ -127,6 +141,11 @@ class MessageType:
         Raises:
             BagError: for bytes that do not fit the type.
         """
+        if self.name == RADAR_SCAN and len(raw) > MOST_SCAN_BYTES:
+            raise BagError(
+                f"a scan on {topic} has {mebibytes(len(raw))} of at most {mebibytes(MOST_SCAN_BYTES)}; set a threshold "
+                "in the radar's driver, or leave the topic out"
+            )
         try:
             return self.typestore.deserialize_cdr(raw, self.name)
         except Exception as error:  # damaged bytes make the parser raise nearly anything

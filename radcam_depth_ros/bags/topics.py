@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
+from radcam_depth_ros.bags.definitions import RADAR_SCAN
 from radcam_depth_ros.bags.errors import BagError, nearest
 from radcam_depth_ros.bags.reader import TopicInfo
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 CAMERA_INFO_TYPES = ("sensor_msgs/msg/CameraInfo",)
 CLOUD_TYPES = ("sensor_msgs/msg/PointCloud2",)
+RADAR_TYPES = (*CLOUD_TYPES, RADAR_SCAN)
 ODOMETRY_TYPES = ("nav_msgs/msg/Odometry",)
 TRANSFORM_TYPES = ("tf2_msgs/msg/TFMessage",)
 
@@ -72,7 +74,7 @@ class SensorTopics:
     Attributes:
         image: The camera's Image or CompressedImage.
         camera_info: Its CameraInfo.
-        radars: The radars' PointCloud2, sorted; at least one.
+        radars: The radars' PointCloud2 or RadarScan, sorted; at least one.
         lidar: A LiDAR's PointCloud2, for ground truth.
         depth: Exact depth as an Image, from a simulator.
         classes: The class of each pixel as an Image.
@@ -139,7 +141,7 @@ def find_topics(
     if radars is None:
         found_radars = chooser.find_radars()
     else:
-        found_radars = tuple(chooser.named("radar", name, CLOUD_TYPES) or name for name in radars)
+        found_radars = tuple(chooser.named("radar", name, RADAR_TYPES) or name for name in radars)
     return SensorTopics(
         image=image,
         camera_info=camera_info,
@@ -218,15 +220,29 @@ class TopicChooser:
         return sibling or infos[0]
 
     def find_radars(self) -> tuple[str, ...]:
-        """The radars' clouds, sorted; BagError when there are none."""
-        clouds = self.of_type(CLOUD_TYPES)
-        known = tuple(name for name in self._preferred if name in clouds)
+        """The radars' clouds and scans, sorted; BagError when there are none.
+
+        Of a driver that publishes both in one namespace the scan is taken: a cloud may lack a quantity.
+        """
+        fitting = self.of_type(RADAR_TYPES)
+        known = tuple(name for name in self._preferred if name in fitting)
         if known:
             return known
-        radars = sorted(name for name in clouds if _has(name, _RADAR_HINTS))
+        clouds, scans = self._radars()
+        radars = tuple(sorted((*scans, *(name for name in clouds if not _beside(name, scans)))))
         if not radars:
-            raise self._lacks("radar", CLOUD_TYPES)
-        return tuple(radars)
+            raise self._lacks("radar", RADAR_TYPES)
+        return radars
+
+    def clouds_beside_scans(self) -> dict[str, str]:
+        """The radars' clouds that are not taken, each with the scan in its namespace that is taken."""
+        clouds, scans = self._radars()
+        return {cloud: scan for cloud in clouds for scan in _beside(cloud, scans)[:1]}
+
+    def _radars(self) -> tuple[list[str], list[str]]:
+        """Clouds that are a radar's by their name, and scans."""
+        clouds = [name for name in self.of_type(CLOUD_TYPES) if _has(name, _RADAR_HINTS)]
+        return clouds, self.of_type((RADAR_SCAN,))
 
     def find_lidar(self, radars: tuple[str, ...]) -> str | None:
         """A LiDAR's cloud; None when there is none."""
@@ -267,6 +283,12 @@ class TopicChooser:
 
 def _has(name: str, hints: Iterable[str]) -> bool:
     return any(hint in name.lower() for hint in hints)
+
+
+def _beside(name: str, others: Iterable[str]) -> list[str]:
+    """The others in a topic's namespace; none at the root."""
+    namespace = name.rpartition("/")[0]
+    return [other for other in others if namespace and other.rpartition("/")[0] == namespace]
 
 
 def _shortest(name: str) -> tuple[int, str]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from radcam_depth_ros.geometry import TransformTree
-from radcam_depth_ros.inspection.report import CameraFacts, ExtrinsicFacts, OffsetFacts, TopicFacts
+from radcam_depth_ros.inspection.report import CameraFacts, CloudFacts, ExtrinsicFacts, OffsetFacts, TopicFacts
 from radcam_depth_ros.inspection.roles import Roles
 from radcam_depth_ros.inspection.suggestion import (
     Setting,
@@ -30,6 +30,7 @@ def suggest(
     roles: Roles,
     topics: Sequence[TopicFacts],
     camera: CameraFacts | None,
+    clouds: Sequence[CloudFacts],
     extrinsics: Sequence[ExtrinsicFacts],
     offsets: Sequence[OffsetFacts],
     transforms: TransformTree,
@@ -44,9 +45,19 @@ def suggest(
         settings.append(
             Setting("image_is_rectified", True, "By its name the image is rectified; camera_info has the raw one's.")
         )
+    settings += _fields(roles, clouds)
     settings += _extrinsics(extrinsics, transforms)
     settings += _pairing(topics, offsets)
     return Suggestion(tuple(settings))
+
+
+def _fields(roles: Roles, clouds: Sequence[CloudFacts]) -> list[Setting]:
+    doubtful = {cloud.topic: cloud.rcs for cloud in clouds if cloud.doubt}
+    if not doubtful:
+        return []
+    texts = [f"radial_speed={doubtful[radar]} rcs=" if radar in doubtful else "" for radar in roles.radars]
+    reason = f"Only if the intensity on {', '.join(doubtful)} is the Doppler speed, as it seems."
+    return [Setting("radar_fields", texts if len(texts) > 1 else texts[0], reason, is_needed=False)]
 
 
 def _extrinsics(extrinsics: Sequence[ExtrinsicFacts], transforms: TransformTree) -> list[Setting]:

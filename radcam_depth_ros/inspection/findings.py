@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Iterator, Sequence
 
+from radcam_depth_ros.bags import RADAR_TYPES
 from radcam_depth_ros.inspection.report import (
     SEVERITIES,
     CameraFacts,
@@ -35,10 +36,16 @@ def of_topics(topics: Sequence[TopicFacts], roles: Roles) -> Iterator[Finding]:
     for sentence in roles.lacks:
         yield _error(sentence)
     for topic in topics:
-        if "radar" in topic.type.lower():
+        if "radar" in topic.type.lower() and topic.type not in RADAR_TYPES:
             yield _note(
-                f"{topic.topic} is of {topic.type}, which the node does not read; use the driver's "
-                "sensor_msgs/PointCloud2, or convert it to one"
+                f"{topic.topic} is of {topic.type}, which the node does not read; use the driver's topic of single "
+                "returns, sensor_msgs/PointCloud2 or radar_msgs/RadarScan"
+            )
+        if topic.topic in roles.beside:
+            scan = roles.beside[topic.topic]
+            yield _note(
+                f"{topic.topic} is left out, since {scan} beside it has what the radar measures; if it is another "
+                "radar's, name both in radar_topics"
             )
         if topic.role not in _SENSOR_ROLES:
             continue
@@ -93,6 +100,9 @@ def of_clouds(clouds: Sequence[CloudFacts], roles: Roles) -> Iterator[Finding]:
             continue
         if cloud.points is None or not cloud.points[2]:
             yield _warning(f"no cloud on {cloud.topic} has a point; check the driver's filters")
+            continue
+        if cloud.doubt:
+            yield _warning(cloud.doubt)
             continue
         for words, found in (("radar cross section", cloud.rcs), ("Doppler speed", cloud.radial_speed)):
             if not found:

@@ -6,12 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from radcam_depth_ros.bags import BagError, BagMessage, TopicInfo, read_header
-from radcam_depth_ros.bags.topics import CLOUD_TYPES
+from radcam_depth_ros.bags import RADAR_SCAN, RADAR_TYPES, BagError, BagMessage, TopicInfo, read_header
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.inspection.report import CameraFacts, CloudFacts, ImageFacts, TopicFacts
 from radcam_depth_ros.inspection.timing import timing_of
-from radcam_depth_ros.messages import Calibration, decode_depth, decode_image, decode_radar, radar_fields
+from radcam_depth_ros.messages import (
+    SCAN_FIELDS,
+    Calibration,
+    FieldAliases,
+    RadarContents,
+    RadarFields,
+    decode_depth,
+    decode_image,
+    decode_radar,
+)
 
 _SAMPLES = 5
 """Messages of a topic that are decoded whole; of all others only the header is read."""
@@ -43,6 +51,8 @@ class Recording:
         self._samples: list[Any] = []
         self._counts: list[int] = []
         self._radar_problem = ""
+        self._taken = RadarFields()
+        self._contents = RadarContents(FieldAliases())
 
     def add(self, item: BagMessage) -> None:
         """Takes note of a message."""
@@ -60,11 +70,15 @@ class Recording:
             self.problem = self.problem or str(error)
 
     def _add_sweep(self, message: Any) -> None:
-        self._counts.append(int(message.width) * int(message.height))
+        is_scan = self.info.type_name == RADAR_SCAN
+        self._counts.append(len(message.returns) if is_scan else int(message.width) * int(message.height))
         try:
-            decode_radar(message)
+            sweep = decode_radar(message)
         except RadcamDepthError as error:
             self._radar_problem = self._radar_problem or str(error)
+        else:
+            self._taken = sweep.fields if len(sweep.returns) else self._taken
+            self._contents.add(sweep.returns, sweep.fields)
 
     def topic_facts(self) -> TopicFacts:
         """The topic, with its timing."""
@@ -125,29 +139,27 @@ class Recording:
         return facts
 
     def cloud_facts(self) -> CloudFacts:
-        """Of a topic of point clouds."""
-        message = next((sample for sample in self._samples if sample.fields), None)
-        if message is None:
-            return CloudFacts(self.info.name, (), problem=self.problem)
-        names = tuple(str(field.name) for field in message.fields)
-        if self.role != "radar":
+        """Of a topic of point clouds or scans."""
+        if self.info.type_name == RADAR_SCAN:
+            names: tuple[str, ...] = SCAN_FIELDS
+        else:
+            message = next((sample for sample in self._samples if sample.fields), None)
+            names = tuple(str(field.name) for field in message.fields) if message is not None else ()
+        if self.role != "radar" or not self._counts:
             return CloudFacts(self.info.name, names, problem=self.problem)
-        points = (min(self._counts), int(np.median(self._counts)), max(self._counts))
-        try:
-            taken = radar_fields(message)
-        except RadcamDepthError as error:
-            return CloudFacts(self.info.name, names, points=points, problem=str(error))
+        taken = self._taken
         return CloudFacts(
             self.info.name,
             names,
             taken.position,
             taken.rcs,
             taken.radial_speed,
-            points,
+            (min(self._counts), int(np.median(self._counts)), max(self._counts)),
             self.problem or self._radar_problem,
+            self._contents.doubt(self.info.name),
         )
 
     @property
     def is_cloud(self) -> bool:
-        """Whether it is a topic of point clouds."""
-        return self.info.type_name in CLOUD_TYPES
+        """Whether it is a topic of point clouds or scans."""
+        return self.info.type_name in RADAR_TYPES

@@ -88,7 +88,7 @@ class CameraFacts:
 
 @dataclass(frozen=True)
 class CloudFacts:
-    """The clouds of a topic.
+    """The clouds or scans of a topic.
 
     Attributes:
         topic: Its name.
@@ -98,6 +98,7 @@ class CloudFacts:
         radial_speed: Of a radar: fields taken for the Doppler speed; empty for none.
         points: Of a radar: least, median and largest number of points of a cloud.
         problem: Why a radar's clouds cannot be used; empty when they can.
+        doubt: Why its intensity, taken for the radar cross section, is likely the Doppler speed; empty when it is not.
     """
 
     topic: str
@@ -107,6 +108,7 @@ class CloudFacts:
     radial_speed: tuple[str, ...] = ()
     points: tuple[int, int, int] | None = None
     problem: str = ""
+    doubt: str = ""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -19,13 +19,14 @@ class Roles:
     Attributes:
         image: The camera's.
         camera_info: Its calibration.
-        radars: The radars' clouds.
+        radars: The radars' clouds and scans.
         lidar: For ground truth.
         depth: Exact depth.
         classes: Class images.
         odometry: The vehicle's motion.
         tf_static: Fixed transforms.
         tf: Moving transforms.
+        beside: Clouds of radars that are left out, each with the scan in its namespace that is taken.
         lacks: A sentence for each of camera, camera_info and radars that is missing.
     """
 
@@ -38,6 +39,7 @@ class Roles:
     odometry: str | None
     tf_static: str | None
     tf: str | None
+    beside: Mapping[str, str]
     lacks: tuple[str, ...]
 
     @classmethod
@@ -66,6 +68,7 @@ class Roles:
             chooser.find_odometry(),
             chooser.find_transforms("tf_static"),
             chooser.find_transforms("tf"),
+            chooser.clouds_beside_scans(),
             tuple(lacks),
         )
 

@@ -78,7 +78,7 @@ def survey(path: Path | str, progress: Callable[[int, int], None] | None = None)
         offsets,
         "; ".join(roles.lacks),
         findings.by_severity(found),
-        suggest(roles, topics, _camera_of(cameras, roles), extrinsics, offsets, transforms),
+        suggest(roles, topics, _camera_of(cameras, roles), clouds, extrinsics, offsets, transforms),
     )
 
 

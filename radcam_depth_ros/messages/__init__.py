@@ -30,16 +30,10 @@ from radcam_depth_ros.messages.images import (
     decode_depth,
     decode_image,
 )
-from radcam_depth_ros.messages.radar import (
-    DEFAULT_ALIASES,
-    MOST_RETURNS,
-    FieldAliases,
-    RadarFields,
-    RadarReading,
-    decode_radar,
-    radar_fields,
-)
+from radcam_depth_ros.messages.radar import MOST_RETURNS, RadarReading, decode_radar
 from radcam_depth_ros.messages.radar_contents import RadarContents
+from radcam_depth_ros.messages.radar_fields import DEFAULT_ALIASES, FieldAliases, RadarFields
+from radcam_depth_ros.messages.radar_scan import SCAN_FIELDS
 from radcam_depth_ros.messages.transforms import (
     OdometryReading,
     StampedTransform,
@@ -55,6 +49,7 @@ __all__ = [
     "DEFAULT_ALIASES",
     "DEPTH_ENCODINGS",
     "MOST_RETURNS",
+    "SCAN_FIELDS",
     "Calibration",
     "ClassReading",
     "DepthReading",
@@ -89,6 +84,5 @@ __all__ = [
     "encode_preview",
     "encode_transforms",
     "png_problem",
-    "radar_fields",
     "stamp_ns",
 ]

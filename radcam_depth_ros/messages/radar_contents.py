@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from radcam_depth_ros.frame import FloatArray, RadarReturns
-from radcam_depth_ros.messages.radar import FieldAliases, RadarFields
+from radcam_depth_ros.messages.doppler_evidence import DopplerEvidence
+from radcam_depth_ros.messages.radar_fields import DEFAULT_ALIASES, FieldAliases, RadarFields
 
 _ENOUGH_RETURNS = 50
 """Before so many returns came, it is not said that a value is constant."""
+_INTENSITY = "intensity"
 NONE = "none"
 """In place of a field, where there is none."""
 
@@ -72,6 +74,8 @@ class RadarContents:
         self._wanted = [
             quantity for quantity, names in ((self._doppler, aliases.radial_speed), (self._rcs, aliases.rcs)) if names
         ]
+        self._is_rcs_named = aliases.rcs != DEFAULT_ALIASES.rcs
+        self._evidence = DopplerEvidence()
 
     def add(self, returns: RadarReturns, fields: RadarFields) -> None:
         """Takes a sweep.
@@ -85,6 +89,14 @@ class RadarContents:
         self._position = fields.position
         self._doppler.add(" ".join(fields.radial_speed) or NONE, returns.radial_speed_mps)
         self._rcs.add(fields.rcs or NONE, returns.rcs_dbsm)
+        if self._is_guessed:
+            self._evidence.add(returns)
+
+    @property
+    def _is_guessed(self) -> bool:
+        """Whether the RCS is an intensity, and nothing says that it is no Doppler speed."""
+        is_intensity = self._rcs.field.strip().lower() == _INTENSITY
+        return is_intensity and self._doppler.field == NONE and not self._is_rcs_named
 
     def values(self) -> tuple[tuple[str, str], ...]:
         """Which field is which quantity, as diagnostics values; empty before the first return."""
@@ -96,9 +108,24 @@ class RadarContents:
             ("field of the RCS", self._rcs.field),
         )
 
+    def summary(self) -> str:
+        """The same in a clause; empty before the first return."""
+        return ", ".join(f"{name.removeprefix('field of the ')} from {field}" for name, field in self.values())
+
+    def doubt(self, topic: str) -> str:
+        """Why an intensity that is taken for the RCS on a topic is likely the Doppler speed; empty where it is not."""
+        if not self._is_guessed or not self._evidence.is_strong:
+            return ""
+        field = self._rcs.field
+        return (
+            f"expected an RCS in the field {field} on {topic}, for which it was taken, got values that fit the Doppler "
+            f"of a moving vehicle in {self._evidence.fitting} of {self._evidence.sweeps} sweeps: set the parameter "
+            f"radar_fields to radial_speed={field} rcs= if they are speeds, else to rcs={field} radial_speed="
+        )
+
     def problem(self, topic: str) -> str:
-        """What is missing in the clouds on a topic, or is the same in all returns; empty where all is well.
+        """What is missing or doubtful in a radar's messages on a topic, or is the same in all returns; else empty.
 
         Doppler or RCS that differed once is never said to be constant, so that a vehicle that waits gives no warning.
         """
-        return "; ".join(filter(None, (quantity.problem(topic) for quantity in self._wanted)))
+        return self.doubt(topic) or "; ".join(filter(None, (quantity.problem(topic) for quantity in self._wanted)))

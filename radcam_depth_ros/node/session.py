@@ -13,19 +13,19 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilderError
-from radcam_depth_ros.messages import MOST_RETURNS, RadarContents, radar_fields
+from radcam_depth_ros.messages import MOST_RETURNS, RadarContents
 from radcam_depth_ros.node.arrival import ArrivalClock
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
 from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
 from radcam_depth_ros.node.mailbox import Worker
 from radcam_depth_ros.node.stamps import LostMessages, SensorStamps, StampOffset
-from radcam_depth_ros.node.topics.inputs import Input, Inputs, subscribe
+from radcam_depth_ros.node.topics.inputs import Input, Inputs
 from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.topics.reader import Reader, Reading, TooLargeError, UndecodableError
+from radcam_depth_ros.node.topics.subscriptions import Subscriptions
 from radcam_depth_ros.node.warm_up import WarmUp
 from radcam_depth_ros.pairing import for_each_radar
 from radcam_depth_ros.pipeline import Pipeline
@@ -72,7 +72,7 @@ class Session:
     ) -> None:
         self._node = node
         self.pipeline, self.frame_builder = pipeline, pipeline.frame_builder
-        self.inputs = inputs
+        self._inputs = inputs
         self._outputs = outputs
         self._latency_topics = latency_topics
         self._problems = problems
@@ -94,8 +94,7 @@ class Session:
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
         """Of each radar, as it is stamped: without `radar_time_offset_s`."""
         aliases = self.frame_builder.config.field_aliases()
-        self._aliases = {radar.part: names for radar, names in zip(inputs.radars, aliases, strict=True)}
-        self.contents = {part: RadarContents(names) for part, names in self._aliases.items()}
+        self.contents = {radar.part: RadarContents(names) for radar, names in zip(inputs.radars, aliases, strict=True)}
         """What the sweeps of each radar have."""
         self.frames_in = self.frames_failed = self.images_unusable = self.frames_suppressed = 0
         self.frames_out = Rate()
@@ -108,15 +107,21 @@ class Session:
         self.warm_up = WarmUp(pipeline, self._worker, self._on_inference_error)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._expiry = node.create_timer(EXPIRY_PERIOD_S, self._on_expiry, clock=steady)
-        self._subscriptions: dict[Input, Subscription] = {}
+        self._subscriptions: Subscriptions | None = None
         try:
-            for source in inputs:
-                self._subscriptions[source] = subscribe(node, source, self._on_message, self._on_unheard)
+            self._subscriptions = Subscriptions(
+                node, inputs, self._on_message, self._on_unheard, problems.settle, steady
+            )
         except Exception:
             self.close()
             raise
         # The first subscriptions of a process can take seconds, in which nothing could come.
         self.started_ns = time.monotonic_ns()
+
+    @property
+    def inputs(self) -> Inputs:
+        """What is read."""
+        return self._inputs if self._subscriptions is None else self._subscriptions.inputs
 
     @property
     def frames_dropped(self) -> int:
@@ -125,8 +130,7 @@ class Session:
 
     def qos(self, source: Input) -> QoSProfile:
         """What an input is subscribed with, parameters counted in."""
-        subscription = self._subscriptions.get(source)
-        return source.qos if subscription is None else subscription.qos_profile
+        return source.qos if self._subscriptions is None else self._subscriptions.qos(source)
 
     def radar_time_offset_s(self, radar: Input) -> float:
         """What is added to a radar's stamps."""
@@ -138,9 +142,8 @@ class Session:
         """Stops reading and publishing; False when the network was still busy after `timeout_s`."""
         self._is_closed = True
         self._node.destroy_timer(self._expiry)
-        for subscription in self._subscriptions.values():
-            self._node.destroy_subscription(subscription)
-        self._subscriptions.clear()
+        if self._subscriptions is not None:
+            self._subscriptions.close()
         self.reader.close(timeout_s)
         return self._worker.close(timeout_s)
 
@@ -214,7 +217,7 @@ class Session:
             self.stamps[source.part].add(_stamp_ns(message), arrived_ns)
         if source in self.inputs.radars:
             self.stamp_offsets[source.part].add(_stamp_ns(message), arrived_ns, self.stamps[self.inputs.camera.part])
-            self.contents[source.part].add(reading.content.returns, radar_fields(message, self._aliases[source.part]))
+            self.contents[source.part].add(reading.content.returns, reading.content.fields)
         config = self.frame_builder.config
         has_frame = message.header.frame_id or config.camera_frame if source is self.inputs.camera else True
         # Where the extrinsics come from /tf_static, no frame can be made at all and the pipeline says so.

@@ -7,12 +7,14 @@ import time
 import numpy as np
 from rclpy.node import Node
 
+from radcam_depth_ros.messages import RadarContents
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate, Status
 from radcam_depth_ros.node.session import Session
 from radcam_depth_ros.node.topics.inputs import Input
 from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.watchdog import Watchdog
 from radcam_depth_ros.pairing import CLOCK_WARNING_S, PairingCounts, clock_warning
+from radcam_depth_ros.printable import printable
 
 Values = tuple[tuple[str, str], ...]
 _WITHOUT_RADAR = {
@@ -41,6 +43,8 @@ class Vitals:
         self._before = session.frame_builder.counts
         self._leaps_before = 0
         self._are_clocks_told = False
+        self._told: dict[str, str] = {}  # by radar: what it is read from, as the log has it
+        self._doubted: set[str] = set()
 
     def statuses(self) -> tuple[Status, ...]:
         """One for each part."""
@@ -74,17 +78,29 @@ class Vitals:
             return Status(source.part, problem[0], problem[1] + since, values)
         if silent_s is not None:
             sentence = (
-                f"expected {source.type_name} on {source.topic}, got nothing for {silent_s:.1f} s; "
+                f"expected {source.expected} on {source.topic}, got nothing for {silent_s:.1f} s; "
                 f"{self.watchdog.why_silent(source)}"
             )
             return Status(source.part, silent_level, sentence, values)
         if not rate.count:
             return Status(source.part, Level.STALE, f"waiting for the first message on {source.topic}", values)
         sentence = f"{rate.hertz(time.monotonic_ns()):.1f} Hz on {source.topic}"
-        lacks = contents.problem(source.topic) if contents else ""
+        lacks = self._contents_problem(source, contents) if contents else ""
         if lacks:
             return Status(source.part, Level.WARN, f"{sentence}, but {lacks}", values)
         return Status(source.part, Level.OK, sentence, values)
+
+    def _contents_problem(self, source: Input, contents: RadarContents) -> str:
+        """What is wrong with what a radar is read from; the log has what that is, and a doubt about it, once."""
+        summary, logger = contents.summary(), self._node.get_logger()
+        if summary and self._told.get(source.part) != summary:
+            self._told[source.part] = summary
+            logger.info(printable(f"{source.part}: reads {source.type_name}: {summary}"))
+        doubt = contents.doubt(source.topic)
+        if doubt and source.part not in self._doubted:
+            self._doubted.add(source.part)
+            logger.warning(printable(f"{source.part}: {doubt}"))
+        return contents.problem(source.topic)
 
     def _counts(self, source: Input, prefix: str = "") -> Values:
         session, part = self._session, source.part

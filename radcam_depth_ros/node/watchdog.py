@@ -108,7 +108,7 @@ class Watchdog:
 
     def _reason(self, source: Input, is_for_log: bool) -> str:
         publishers = self._graph.publishers(source, self._session.qos(source))
-        what = f"{source.type_name} on {source.topic} ({publishers})"
+        what = f"{source.expected} on {source.topic} ({publishers})"
         if source is self._session.inputs.camera_info and self._heard(self._session.inputs.camera):
             what = f"images come, but no {what}"
         return f"{what}: {self._problem(source.part, is_for_log) or self.why_silent(source)}"

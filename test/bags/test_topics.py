@@ -138,7 +138,7 @@ def test_names_given_are_taken_and_checked():
     topics = find_topics(types, radars=["/scan/returns"], lidar="/scan/returns", depth="/ground_truth/depth")
     assert (topics.radars, topics.lidar) == (("/scan/returns",), "/scan/returns")
     assert find_topics(types, radars=[]).radars == ()
-    with pytest.raises(BagError, match=r"no radar topic /radar of .*PointCloud2; it has .*/radar/points"):
+    with pytest.raises(BagError, match=r"no radar topic /radar of .*2 or .*RadarScan; it has .*/radar/points"):
         find_topics(types, radars=["/radar"])
     with pytest.raises(BagError, match=r"no image topic /radar/points of .*Image or .*CompressedImage"):
         find_topics(types, image="/radar/points")

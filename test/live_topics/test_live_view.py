@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 import pytest
 import rclpy
+from generated_messages import require_tf2_msgs
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_returns
-from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagError, find_topics

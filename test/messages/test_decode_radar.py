@@ -195,6 +195,13 @@ LAYOUTS = {
         NONE,
         SPEED,
     ),
+    "ainstein": (
+        [*POSITION, *floats(("speed", SPEED), ("snr", RCS), start=12)],
+        20,
+        XYZ,
+        RCS,
+        SPEED,
+    ),
     "position only": (POSITION, 12, XYZ, NONE, NONE),
 }
 
@@ -281,6 +288,40 @@ def test_field_names_are_read_from_a_text(cloud_message):
     ):
         with pytest.raises(MessageError, match=re.escape(sentence)):
             FieldAliases.parse(text)
+
+
+def test_units_and_signs_of_fields(cloud_message):
+    columns = (
+        ("r", 100 * RANGE),
+        ("az", -np.degrees(AZIMUTH)),
+        ("el", 1000 * ELEVATION),
+        ("v_d", np.multiply(SPEED, -3.6)),
+    )
+    aliases = FieldAliases.parse("range=r[cm] azimuth=az[-deg] elevation=el[mrad] radial_speed=v_d[-km/h]")
+    reading = decode_radar(cloud_message(*floats(*columns)), aliases)
+    np.testing.assert_allclose(reading.returns.xyz_m, XYZ, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(reading.returns.radial_speed_mps, SPEED, rtol=1e-5)
+    assert reading.fields.position == ("r[cm]", "az[-deg]", "el[mrad]")
+    assert reading.fields.radial_speed == ("v_d[-km/h]",)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("azimuth=az[grad]", "unit of azimuth in the radar's fields one of rad, deg, mrad, or with a minus"),
+        ("x=a,b[deg]", "unit of x in the radar's fields one of m, cm, mm, km"),
+        ("rcs=power[dB]", "unit of rcs in the radar's fields none, got [dB]"),
+    ],
+)
+def test_units_that_there_are_not_are_refused(text, sentence):
+    with pytest.raises(MessageError, match=re.escape(sentence)):
+        FieldAliases.parse(text)
+
+
+def test_angles_beyond_a_full_turn_in_the_named_unit_are_refused(cloud_message):
+    message = cloud_message(*floats(("range", RANGE), ("azimuth", [0.0, 4500.0, -10.0])))
+    with pytest.raises(MessageError, match=r"full turn in the field 'azimuth', got 4500\.0 deg"):
+        decode_radar(message, FieldAliases.parse("azimuth=azimuth[deg]"))
 
 
 def test_a_field_that_was_named_and_is_not_there_is_no_silent_nan(cloud_message):

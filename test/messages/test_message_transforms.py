@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from generated_messages import require_tf2_msgs
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import (

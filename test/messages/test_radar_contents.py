@@ -7,6 +7,7 @@ from radcam_depth_ros.frame import RadarReturns
 from radcam_depth_ros.messages import FieldAliases, RadarContents, RadarFields
 
 FIELDS = RadarFields(("x", "y", "z"), "snr", ("v",))
+GUESSED = RadarFields(("x", "y", "z"), "Intensity", ())
 DOPPLER = "expected a Doppler speed in the returns on /radar, "
 RCS = "expected an RCS in the returns on /radar, "
 
@@ -85,3 +86,62 @@ def test_what_is_not_to_be_read_is_not_missed():
     nothing = RadarFields(("x", "y"), "", ())
     assert problem_of(sweep(1), fields=nothing, aliases="rcs= radial_speed=") == ""
     assert RCS in problem_of(sweep(1), fields=nothing, aliases="radial_speed=")
+
+
+def drive(sweeps, *, values, fields=GUESSED, aliases="", count=40):
+    """What is told of a radar on a vehicle at 6 to 12 m/s, whose intensity has these values by the lines of sight."""
+    rng = np.random.default_rng(5)
+    contents = RadarContents(FieldAliases.parse(aliases))
+    for index in range(sweeps):
+        angle, distance = rng.uniform(-0.9, 0.9, count), rng.uniform(5, 80, count)
+        xyz = np.stack((distance * np.cos(angle), distance * np.sin(angle), np.zeros(count)), axis=1)
+        intensity = values(rng, np.cos(angle), 6 + 0.2 * index)
+        unknown = np.full(count, np.nan, np.float32)
+        contents.add(RadarReturns(xyz.astype(np.float32), intensity.astype(np.float32), unknown, unknown), fields)
+    return contents.problem("/radar")
+
+
+def doppler(rng, ahead, speed):
+    """Of a street: some returns are of others that move."""
+    return np.where(rng.random(len(ahead)) < 0.3, rng.uniform(-20, 20, len(ahead)), -speed * ahead)
+
+
+def test_an_intensity_that_is_likely_doppler_is_named_with_both_remedies():
+    found = drive(30, values=doppler)
+    assert "field Intensity on /radar, for which it was taken, got values that fit the Doppler" in found
+    assert "to radial_speed=Intensity rcs= if they are speeds, else to rcs=Intensity radial_speed=" in found
+    assert found.count("expected") == 1
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        lambda rng, ahead, _: rng.normal(10, 8, len(ahead)),
+        lambda rng, ahead, _: np.round(rng.normal(20, 2, len(ahead))),
+        lambda rng, ahead, _: rng.uniform(0, 1, len(ahead)),
+        lambda rng, ahead, _: np.where(rng.random(len(ahead)) < 0.8, 0, 20),
+        lambda rng, ahead, _: np.full(len(ahead), 255.0),
+        lambda rng, ahead, _: np.full(len(ahead), np.nan),
+    ],
+    ids=["rcs", "narrow", "unit", "clipped", "saturated", "nothing"],
+)
+def test_other_intensities_are_no_doppler(values):
+    assert "fit the Doppler" not in drive(60, values=values)
+
+
+@pytest.mark.parametrize(
+    ("fields", "aliases"),
+    [
+        (RadarFields(("x", "y", "z"), "intensity", ("v",)), ""),
+        (RadarFields(("x", "y", "z"), "intensity", ()), "rcs=intensity"),
+        (RadarFields(("x", "y", "z"), "snr", ()), ""),
+    ],
+    ids=["beside a Doppler field", "named", "another field"],
+)
+def test_an_intensity_is_doubted_only_where_it_was_guessed(fields, aliases):
+    assert "fit the Doppler" not in drive(30, values=doppler, fields=fields, aliases=aliases)
+
+
+def test_few_sweeps_do_not_tell():
+    assert "fit the Doppler" not in drive(5, values=doppler)
+    assert "fit the Doppler" not in drive(60, values=doppler, count=8)

@@ -170,6 +170,9 @@ class Peer:
             what="discovery",
         )
 
+    def unadvertise(self, topic: str) -> None:
+        self.peer.destroy_publisher(self._publishers.pop(topic))
+
     def send(self, topic: str, message: Any) -> None:
         if topic in self._publishers:
             self._publishers[topic].publish(message)
@@ -360,6 +363,17 @@ def peer(context: Context) -> Iterator[Peer]:
     peer = Peer(context)
     yield peer
     peer.close()
+
+
+@pytest.fixture
+def driver() -> Iterator[Peer]:
+    """Sensors in a DDS participant of their own: in one participant a topic has one type at a time."""
+    context = Context()
+    rclpy.init(context=context, domain_id=DOMAIN_ID)
+    driver = Peer(context, "driver")
+    yield driver
+    driver.close()
+    rclpy.shutdown(context=context)
 
 
 @contextmanager

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from generated_messages import require_tf2_msgs
 from rclpy.serialization import serialize_message
-from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import StampedTransform, encode_transforms

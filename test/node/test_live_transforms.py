@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from generated_messages import require_tf2_msgs
 from rclpy.qos import DurabilityPolicy
-from tf2_messages import require_tf2_msgs
 
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import StampedTransform, encode_transforms

@@ -76,7 +76,7 @@ def test_without_any_input_one_line_says_what_is_missing(
     bench = start()
     bench.until(lambda: [line for line in bench.logs if "no depth for" in line])
     bench.until(lambda: bench.status("camera", "nobody publishes it"))
-    bench.until(lambda: bench.status(RADAR, "expected sensor_msgs/msg/PointCloud2 on /radar/points, got nothing"))
+    bench.until(lambda: bench.status(RADAR, "radar_msgs/msg/RadarScan on /radar/points, got nothing"))
     (line,) = [line for line in bench.logs if "no depth for" in line]
     for topic in ("sensor_msgs/msg/Image on /image (no publishers)", "/camera_info", "/radar/points"):
         assert topic in line
@@ -104,8 +104,8 @@ def test_before_the_first_depth_one_line_says_what_there_is_in_place_of_what_is_
     words = (
         "(1) images come, but no sensor_msgs/msg/CameraInfo on /camera_info (no publishers): nobody publishes it; of "
         "this type there is /front/camera_info: set camera_info_topic to it",
-        "(2) sensor_msgs/msg/PointCloud2 on /radar/points (no publishers): nobody publishes it; of this type there is "
-        "/radar_front/points: set radar_topics to it",
+        "(2) sensor_msgs/msg/PointCloud2 or radar_msgs/msg/RadarScan on /radar/points (no publishers): nobody "
+        "publishes it; of this type there is /radar_front/points: set radar_topics to it",
     )
     bench.until(lambda: [line for line in bench.logs if all(part in line for part in words)], what="it in the log")
     bench.diagnostics.clear()

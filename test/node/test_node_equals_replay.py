@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from generated_messages import require_tf2_msgs
 from rclpy.qos import DurabilityPolicy
 from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_image, small_messages, small_returns
-from tf2_messages import require_tf2_msgs
 from typer.testing import CliRunner
 
 from radcam_depth_ros import cli

@@ -87,6 +87,8 @@ def _cloud(cloud: CloudFacts) -> str:
         ("Doppler", " ".join(cloud.radial_speed)),
     )
     least, median, most = cloud.points
+    if not cloud.position:
+        return f"{fields}; {median} points ({least} to {most})"
     told = ", ".join(f"{name}: {value or 'none'}" for name, value in taken)
     return f"{fields}; taken for {told}; {median} points ({least} to {most})"
 

@@ -51,7 +51,7 @@ class Graph:
             beside: A topic that belongs to the same sensor: of others, one in its namespace is proposed first.
         """
         found = self._others(source.topic)
-        same = [info for info in found if info.topic_type == source.type_name]
+        same = [info for info in found if info.topic_type in source.accepted]
         refused = [mismatch for info in same if (mismatch := mismatches(info.qos_profile, asked))]
         if not found:
             return f"nobody publishes it{self._where_else(source, beside)}"
@@ -66,8 +66,8 @@ class Graph:
             )
         return "it has a publisher, which is silent: see whether the sensor and its driver run"
 
-    def nearest(self, topic: str, type_name: str, beside: str = "") -> str | None:
-        """The topic of a type, of those that others publish, whose name is most like a topic's; None where none is.
+    def nearest(self, topic: str, types: Collection[str], beside: str = "") -> str | None:
+        """The topic of some types, of those that others publish, whose name is most like a topic's; None where none is.
 
         Outputs of other nodes of this kind are none.
         """
@@ -75,8 +75,8 @@ class Graph:
         wanted = (topic, *((f"{beside.rpartition('/')[0]}/{topic.rpartition('/')[2]}",) if beside else ()))
         candidates = [
             name
-            for name, types in self._node.get_topic_names_and_types()
-            if type_name in types and name not in self._read
+            for name, its_types in self._node.get_topic_names_and_types()
+            if not set(types).isdisjoint(its_types) and name not in self._read
             if any((info.node_name, info.node_namespace) not in siblings for info in self._others(name))
         ]
         return max(
@@ -105,14 +105,14 @@ class Graph:
         return set.intersection(*publishers)
 
     def _where_else(self, source: Input, beside: str) -> str:
-        nearest = self.nearest(source.topic, source.type_name, beside)
+        nearest = self.nearest(source.topic, source.accepted, beside)
         # Where the name is fixed, it tells what is on it: /tf and /tf_static are of one type.
         is_fit = source.parameter or (nearest or "").rpartition("/")[2] == source.topic.rpartition("/")[2]
         if nearest is not None and is_fit:
             name = f"set {source.parameter} to it, or " if source.parameter else ""
             return f"; of this type there is {nearest}: {name}remap {source.topic}{'' if name else ' to it'}"
         for other in _other_image_types(source):
-            nearest = self.nearest(source.topic, other)
+            nearest = self.nearest(source.topic, (other,))
             if nearest is not None:
                 return f", but {nearest} is {other}: {_other_type(source, nearest, other)}"
         return f", nor anything else of this type: {source.otherwise}, and see that both have one ROS_DOMAIN_ID"
@@ -132,7 +132,7 @@ def mismatches(offered: QoSProfile, asked: QoSProfile) -> tuple[tuple[str, str],
 
 
 def _fault(info: TopicEndpointInfo, source: Input, asked: QoSProfile) -> str:
-    if info.topic_type != source.type_name:
+    if info.topic_type not in source.accepted:
         return f"of {info.topic_type}"
     found = mismatches(info.qos_profile, asked)
     return f"with {', '.join(f'{policy} {offered}' for policy, offered in found)}" if found else ""
@@ -147,7 +147,7 @@ def _other_type(source: Input, topic: str, type_name: str) -> str:
     """What to do where a topic has another type than an input."""
     if type_name not in _other_image_types(source):
         what = f"set {source.parameter}" if source.parameter else f"remap {source.topic}"
-        return f"{what} to a topic of {source.type_name}"
+        return f"{what} to a topic of {source.expected}"
     (transport,) = (name for name, image_type in TRANSPORT_TYPES.items() if image_type == type_name)
     if transport == COMPRESSED and not topic.endswith(COMPRESSED_SUFFIX):
         transport = "compressed_topic"

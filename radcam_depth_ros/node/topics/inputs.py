@@ -1,19 +1,16 @@
-"""Subscriptions of the node, with their quality of service."""
+"""The topics that the node reads, by its parameters, with their quality of service."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.subscription import Subscription
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.validate_topic_name import validate_topic_name
 
+from radcam_depth_ros.bags import RADAR_TYPES
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX, TRANSFORM_TOPICS
 from radcam_depth_ros.node.topics.factory import message_class
 from radcam_depth_ros.parameters import NodeConfig, ParameterError
@@ -34,20 +31,32 @@ class Input:
     Attributes:
         part: What it is, in diagnostics and logs.
         topic: Its full name, remapped.
-        type_name: As in `sensor_msgs/msg/Image`.
+        type_name: As in `sensor_msgs/msg/Image`. It may change, and tells inputs not apart.
         depth: How many messages wait at most.
         is_latched: The last message is wanted even if it came before the node.
         parameter: The one that names the topic; empty where its name is fixed.
         otherwise: What to do where nothing publishes its type.
+        types: All types that are read, where there are several: the topic's own counts, before it is there the first.
     """
 
     part: str
     topic: str
-    type_name: str
+    type_name: str = field(compare=False)
     depth: int
     is_latched: bool = False
     parameter: str = ""
     otherwise: str = "start the driver"
+    types: tuple[str, ...] = ()
+
+    @property
+    def accepted(self) -> tuple[str, ...]:
+        """All types that its topic may have."""
+        return self.types or (self.type_name,)
+
+    @property
+    def expected(self) -> str:
+        """All of these, for a sentence."""
+        return " or ".join(self.accepted)
 
     @property
     def qos(self) -> QoSProfile:
@@ -66,7 +75,7 @@ class Inputs:
     Attributes:
         camera: The images.
         camera_info: The camera's calibration.
-        radars: The radars' clouds, in the order of the parameter.
+        radars: The radars' clouds or scans, in the order of the parameter.
         transforms: `/tf_static` and `/tf`; empty where tf2_msgs is not installed.
         odometry: How the vehicle moves; None where it is not needed, or /tf tells.
         motion: What tells how the vehicle moves, odometry or `/tf`; None where it is not needed.
@@ -100,7 +109,7 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
     image_type = TRANSPORT_TYPES.get(transport, TRANSPORT_TYPES[COMPRESSED])
     radars = tuple(_full_name(node, topic) for topic in given.radars)
     static, dynamic = _transforms()
-    has_messages = has_transform_messages()
+    has_transforms = has_transform_messages()
     odometry = None
     if given.moves_radar and given.odometry:
         odometry = Input(
@@ -121,13 +130,13 @@ def find_inputs(node: Node, config: NodeConfig) -> Inputs:
             parameter="camera_info_topic",
         ),
         radars=tuple(
-            Input(f"radar {topic}", topic, "sensor_msgs/msg/PointCloud2", 10, parameter="radar_topics")
+            Input(f"radar {topic}", topic, RADAR_TYPES[0], 10, parameter="radar_topics", types=RADAR_TYPES)
             for topic in radars
         ),
-        transforms=(static, dynamic) if has_messages else (),
+        transforms=(static, dynamic) if has_transforms else (),
         odometry=odometry,
-        extrinsics=static if has_messages and given.needs_transforms else None,
-        motion=odometry or (dynamic if has_messages and given.moves_radar else None),
+        extrinsics=static if has_transforms and given.needs_transforms else None,
+        motion=odometry or (dynamic if has_transforms and given.moves_radar else None),
     )
 
 
@@ -163,50 +172,13 @@ def _full_name(node: Node, topic: str) -> str:
 
 def has_transform_messages() -> bool:
     """Whether tf2_msgs is installed; it is not on PyPI."""
+    return has_messages(TRANSFORM_TYPE)
+
+
+def has_messages(type_name: str) -> bool:
+    """Whether the package of a type is installed."""
     try:
-        message_class(TRANSFORM_TYPE)
+        message_class(type_name)
     except ModuleNotFoundError:
         return False
     return True
-
-
-def subscribe(
-    node: Node,
-    source: Input,
-    on_message: Callable[[Input, bytes, int | None], None],
-    on_problem: Callable[[str, str], None],
-) -> Subscription:
-    """Subscribes to an input.
-
-    Args:
-        node: The node.
-        source: The input.
-        on_message: Called with the input, each message's bytes, and its publisher's number of it, None where it has
-            none.
-        on_problem: Called with the input's part and a sentence when a publisher cannot be heard.
-    """
-
-    def on_incompatible(event: QoSRequestedIncompatibleQoSInfo) -> None:
-        policy = qos_policy_name_from_kind(event.last_policy_kind)
-        on_problem(
-            source.part,
-            f"a publisher on {source.topic} offers an incompatible quality of service, nothing of it will be heard: "
-            f"its {policy} does not meet what this node asks for; set the parameter qos_overrides.{source.topic}."
-            f"subscription.{policy.lower()} to what it offers, or change the publisher",
-        )
-
-    def on_other_type(_: object) -> None:
-        on_problem(source.part, f"expected {source.type_name} on {source.topic}, somebody publishes another type")
-
-    def take(raw: bytes, info: Mapping[str, int | None]) -> None:
-        on_message(source, raw, info["publication_sequence_number"])
-
-    return node.create_subscription(
-        message_class(source.type_name),
-        source.topic,
-        take,  # type: ignore[arg-type]  # rclpy's annotation lacks the second form
-        source.qos,
-        event_callbacks=SubscriptionEventCallbacks(incompatible_qos=on_incompatible, incompatible_type=on_other_type),
-        qos_overriding_options=QoSOverridingOptions(OVERRIDABLE),
-        raw=True,
-    )

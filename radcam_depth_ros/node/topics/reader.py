@@ -15,7 +15,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from radcam_depth_ros.bags import BagError, deserialise, prepare
+from radcam_depth_ros.bags import MOST_SCAN_BYTES, RADAR_SCAN, RADAR_TYPES, BagError, deserialise, prepare
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import MAX_LINKS
 from radcam_depth_ros.node.topics.inputs import COMPRESSED, TRANSFORM_TYPE, TRANSPORT_TYPES, Input
@@ -26,7 +26,8 @@ _KIB = 1024
 _SMALL_BYTES = {
     TRANSPORT_TYPES["raw"]: 8192 * _KIB,
     TRANSPORT_TYPES[COMPRESSED]: 0,  # few bytes may be many pixels
-    "sensor_msgs/msg/PointCloud2": 256 * _KIB,
+    RADAR_TYPES[0]: 256 * _KIB,
+    RADAR_SCAN: 16 * _KIB,  # which is read return by return
     TRANSFORM_TYPE: 16 * _KIB,
 }
 """Up to here a message of a type is decoded in some milliseconds; of other types up to the next."""
@@ -88,7 +89,8 @@ class Reader:
         self._node, self._decode, self._on_read = node, decode, on_read
         self.dropped: Counter[str] = Counter()
         self._changed = threading.Condition()
-        self._waiting: OrderedDict[Input, deque[tuple[bytes, int]]] = OrderedDict()  # the one whose turn it is first
+        # By part, the one whose turn it is first; with the input, whose type may change.
+        self._waiting: OrderedDict[str, deque[tuple[Input, bytes, int]]] = OrderedDict()
         self._pending: Counter[str] = Counter()  # by part: those that wait, are read, or were read
         self._done: deque[Reading] = deque()
         self._closed = threading.Event()
@@ -133,15 +135,15 @@ class Reader:
         self._node.destroy_guard_condition(self._guard)
 
     def _queue(self, source: Input, raw: bytes, arrived_ns: int) -> None:
-        if source not in self._waiting:
-            self._waiting[source] = deque()
-            self._waiting.move_to_end(source, last=False)
-        queue = self._waiting[source]
+        if source.part not in self._waiting:
+            self._waiting[source.part] = deque()
+            self._waiting.move_to_end(source.part, last=False)
+        queue = self._waiting[source.part]
         if len(queue) >= source.depth:
             queue.popleft()
             self.dropped[source.part] += 1
             self._pending[source.part] -= 1
-        queue.append((raw, arrived_ns))
+        queue.append((source, raw, arrived_ns))
         self._pending[source.part] += 1
         if self._thread is None:
             # A daemon, as the network's: a large picture must not keep a process from ending.
@@ -155,9 +157,9 @@ class Reader:
                 self._changed.wait_for(lambda: self._closed.is_set() or any(self._waiting.values()))
                 if self._closed.is_set():
                     return
-                source = next(source for source, queue in self._waiting.items() if queue)
-                self._waiting.move_to_end(source)
-                raw, arrived_ns = self._waiting[source].popleft()
+                part = next(part for part, queue in self._waiting.items() if queue)
+                self._waiting.move_to_end(part)
+                source, raw, arrived_ns = self._waiting[part].popleft()
             reading = self._read(source, raw, arrived_ns)
             with self._changed:
                 if self._closed.is_set():
@@ -191,7 +193,12 @@ class Reader:
 
 
 def _excess(source: Input, raw: bytes) -> TooLargeError | None:
-    """What is too large about a message of transforms, by its first bytes."""
+    """What is too large about a scan, by its size, or a message of transforms, by its first bytes."""
+    if source.type_name == RADAR_SCAN and len(raw) > MOST_SCAN_BYTES:
+        return TooLargeError(
+            f"expected at most {MOST_SCAN_BYTES // _KIB} KiB in a scan on {source.topic}, got {len(raw) // _KIB} KiB: "
+            "it is left out; set a threshold in the driver"
+        )
     if source.type_name != TRANSFORM_TYPE:
         return None
     # After four bytes that say how the rest is written comes the number of links.

@@ -1,12 +1,5 @@
-cmake_minimum_required(VERSION 3.16)
-project(tf2_msgs)
-
-find_package(ament_cmake REQUIRED)
-find_package(rosidl_default_generators REQUIRED)
-find_package(geometry_msgs REQUIRED)
-
 # The wheels name include folders of the machine that they were built on, which CMake refuses where they don't exist.
-foreach(package builtin_interfaces std_msgs geometry_msgs)
+foreach(package IN LISTS WHEEL_PACKAGES)
   set(target ${package}::${package}__rosidl_generator_py)
   get_target_property(folders ${target} INTERFACE_INCLUDE_DIRECTORIES)
   set(existing "")
@@ -17,6 +10,3 @@ foreach(package builtin_interfaces std_msgs geometry_msgs)
   endforeach()
   set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${existing}")
 endforeach()
-
-rosidl_generate_interfaces(${PROJECT_NAME} msg/TFMessage.msg DEPENDENCIES geometry_msgs)
-ament_package()
