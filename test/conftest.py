@@ -34,7 +34,7 @@ with warnings.catch_warnings(), suppress(ImportError):
 
 REAL_DRIVES = Path(__file__).parents[2] / "shared" / "data"
 
-SLOW_FIXTURES = {"context", "number_format", "record", "small_structured", "small_weights"}
+SLOW_FIXTURES = {"context", "number_format", "record", "small_structured", "small_weights", "start_apart"}
 """Tests that ask for one of these are slow: a live node, a simulated drive, a network that is made ready to run."""
 SLOW_PLACES = (
     "networks/test_networks.py",

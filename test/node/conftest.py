@@ -41,6 +41,8 @@ from radcam_depth_ros.node.topics.factory import build_message, message_class
 # Nodes of a fixed name are disturbed by others: each process has a domain that neither the demo nor other tests use.
 DOMAINS = (*range(1, 10), *range(70, 102))
 DOMAIN_ID = DOMAINS[os.getpid() % len(DOMAINS)]
+OTHER_DOMAIN_ID = DOMAINS[(os.getpid() + len(DOMAINS) // 2) % len(DOMAINS)]
+"""Of tests that find a node by its name: one of an earlier test, failed or killed, may still be in the graph."""
 ROOT = Path(__file__).parents[2]
 CAMERA = CameraModel(96, 64, 100.0, 100.0, 47.5, 31.5)
 SECOND_NS = 1_000_000_000
@@ -306,12 +308,18 @@ def stamp_of(message: Any) -> int:
     return int(message.header.stamp.sec) * SECOND_NS + int(message.header.stamp.nanosec)
 
 
-@pytest.fixture(scope="module")
-def context() -> Iterator[Context]:
+@contextmanager
+def _context(domain_id: int) -> Iterator[Context]:
     context = Context()
-    rclpy.init(context=context, domain_id=DOMAIN_ID)
+    rclpy.init(context=context, domain_id=domain_id)
     yield context
     rclpy.shutdown(context=context)
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator[Context]:
+    with _context(DOMAIN_ID) as context:
+        yield context
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -377,6 +385,13 @@ def _starter(context: Context) -> Iterator[Callable[..., Bench]]:
         benches.pop().close()
     # rclpy ends a lifecycle node only with its state machine, when nothing refers to it any more.
     gc.collect()
+
+
+@pytest.fixture
+def start_apart() -> Iterator[Callable[..., Bench]]:
+    """The same as `start` in a domain in which no other node of this kind is."""
+    with _context(OTHER_DOMAIN_ID) as context, _starter(context) as start:
+        yield start
 
 
 @pytest.fixture

@@ -35,9 +35,10 @@ def present(bench: Any, kind: str) -> set[str]:
 
 @pytest.mark.parametrize(("transport", "other"), [("raw", "/image/compressed"), ("compressed", "/image")])
 def test_the_policy_has_what_the_live_node_has_and_nothing_else(
-    start: Callable[..., Any], make_estimator: Callable[..., Any], transport: str, other: str
+    start_apart: Callable[..., Any], make_estimator: Callable[..., Any], transport: str, other: str
 ) -> None:
-    bench = start(
+    # The graph is asked for the node by its name: another one of that name would answer in its place.
+    bench = start_apart(
         lambda config: make_estimator(config, tells_classes=True), image_transport=transport, use_sim_time=True
     )
     bench.until(lambda: bench.state == "active", what="the node")
