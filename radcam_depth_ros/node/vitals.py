@@ -112,6 +112,9 @@ class Vitals:
         if offset_s is not None:
             ahead_s = offset_s + session.radar_time_offset_s(source)
             values.append(("stamps ahead of the camera's [ms]", f"{ahead_s * 1e3:.0f}"))
+        if source in session.inputs.radars:
+            is_by_arrival = session.frame_builder.config.is_stamped_by_arrival(source.topic)
+            values.append(("stamps", "arrival" if is_by_arrival else "header"))
         return tuple(values)
 
     def _calibration(self) -> Status:
@@ -231,7 +234,7 @@ class Vitals:
         for radar in session.inputs.radars:
             set_s = session.radar_time_offset_s(radar)
             apart_s = session.stamp_offsets[radar.part].apart_s(CLOCK_WARNING_S, set_s)
-            if apart_s is not None:
+            if apart_s is not None and not session.stamps[radar.part].are_unset:
                 # Arrivals tell no more than hundredths.
                 sentence = clock_warning(radar.topic, round(apart_s, 2), "by when they arrive", set_s)
                 self._problems.report("clocks", Level.WARN, sentence, quietly=self._are_clocks_told)
