@@ -112,6 +112,11 @@ class FrameBuilder:
         """Of each radar: stamps of the last sweeps that were taken, corrected, minus the images', seconds."""
         return dict(zip(self.config.radars, self._pairer.offsets_s, strict=True))
 
+    @property
+    def waits_s(self) -> tuple[float, ...]:
+        """How long the last images waited for sweeps, seconds."""
+        return self._pairer.waits_s
+
     def add(self, topic: str, message: Any, now_ns: int, arrived_ns: int | None = None) -> tuple[Frame, ...]:
         """Takes one message.
 

@@ -15,6 +15,8 @@ from radcam_depth_ros.node.watchdog import Watchdog
 from radcam_depth_ros.pairing import CLOCK_WARNING_S, PairingCounts, clock_warning
 
 Values = tuple[tuple[str, str], ...]
+_NEAR_SHARE = 0.8
+"""Images that wait for more than this share of `max_wait_s` are told."""
 _WITHOUT_RADAR = {
     "camera_only": "their depth is from the camera alone",
     "hold": "their depth is from older returns, and once these are too old from the camera alone",
@@ -164,7 +166,19 @@ class Vitals:
                 "runs and that both clocks agree"
             )
             return Status("pairing", Level.WARN, sentence, values)
-        return Status("pairing", Level.OK, f"{counts.images - before.images} images in the last second", values)
+        sentence = f"{counts.images - before.images} images in the last second{self._long_wait()}"
+        return Status("pairing", Level.OK, sentence, values)
+
+    def _long_wait(self) -> str:
+        """That images wait nearly as long as they may; empty where they do not."""
+        builder = self._session.frame_builder
+        wait_s, limit_s = float(np.median(builder.waits_s or 0.0)), builder.config.pairing.max_wait_s
+        if not limit_s or wait_s < _NEAR_SHARE * limit_s:
+            return ""
+        return (
+            f"; they wait {wait_s * 1e3:.0f} ms for radar sweeps, near max_wait_s, {limit_s:g} s: sweeps come late, or "
+            "irregularly and out of order"
+        )
 
     def _pairing_values(self, counts: PairingCounts) -> Values:
         frame_builder = self._session.frame_builder
@@ -177,6 +191,11 @@ class Vitals:
             ("duplicates", str(counts.duplicates)),
             ("backward jumps", str(counts.resets)),
         ]
+        if frame_builder.waits_s:
+            found = np.percentile(frame_builder.waits_s, (50, 99))
+            values += [
+                (f"wait {name} [ms]", f"{value * 1e3:.1f}") for name, value in zip(("p50", "p99"), found, strict=True)
+            ]
         for radar in counts.radars:
             values += [
                 (f"{radar.name}: paired", str(radar.paired)),
