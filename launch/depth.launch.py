@@ -122,8 +122,9 @@ HELP = {
     "camera_info_topic": "Topic of the camera's calibration (sensor_msgs/CameraInfo).",
     "radar_topics": "Topics of the radars (sensor_msgs/PointCloud2).",
     "image_is_rectified": "Whether the images are free of distortion already, as image_rect topics are.",
-    "camera_frame": "Frame of images whose frame_id is empty.",
-    "radar_frame": "Frame of radar clouds whose frame_id is empty.",
+    "camera_frame": "Frame of the images, in place of their frame_id.",
+    "radar_frame": "Frame of the radar clouds, in place of their frame_id, for drivers that leave it "
+    "empty or give all radars the same.",
     "camera_from_radar": "Poses of the radars in the camera's optical frame, in place of /tf_static: x y z "
     "in metres and the quaternion qx qy qz qw, 7 numbers for each of radar_topics.",
     "footprint_frame": "Frame on the road under the vehicle (REP 105).",

@@ -49,9 +49,9 @@ class Pipeline:
         """The first part of `build`, which may run in any thread, see `FrameBuilder.decode`."""
         return self.frame_builder.decode(topic, message)
 
-    def take(self, topic: str, content: Any, now_ns: int) -> tuple[Frame, ...]:
+    def take(self, topic: str, content: Any, now_ns: int, arrived_ns: int | None = None) -> tuple[Frame, ...]:
         """The last part of `build`, with what `decode` gave."""
-        return self.frame_builder.take(topic, content, now_ns)
+        return self.frame_builder.take(topic, content, now_ns, arrived_ns)
 
     def estimate(self, frame: Frame, wanted: Collection[str]) -> DepthResult | None:
         """Estimates a frame's depth: `prepare`, the network, `finish`.

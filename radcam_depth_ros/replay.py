@@ -22,6 +22,7 @@ from radcam_depth_ros.estimator import Estimator, NetworkInputs
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.networks import Depths
+from radcam_depth_ros.pairing import unset_stamps
 from radcam_depth_ros.pipeline import Pipeline
 
 _FRAMES_UNDER_WAY = 2
@@ -123,6 +124,9 @@ def replay(
                     line.process(frame, now_ns)
             for frame in frame_builder.flush():
                 line.process(frame, now_ns)
+    for topic, count in frame_builder.unstamped_sweeps.items():
+        if count > 1:
+            warnings.warn(f"{source}: {unset_stamps(topic, is_radar=True)}", DriveWarning, stacklevel=2)
     if frame_builder.unmoved_frames:
         warnings.warn(f"{source}: {unmoved(frame_builder, line.done)}", DriveWarning, stacklevel=2)
     return ReplaySummary(topics, images, line.written, line.without_radar)

@@ -84,5 +84,6 @@ def check_choices(config: Any, error: Callable[[str], Exception]) -> None:
     """
     for entry in dataclasses.fields(config):
         value, info = getattr(config, entry.name), entry.metadata.get(_KEY)
-        if info is not None and info.choices and value not in info.choices:
+        given = value if isinstance(value, tuple) else (value,)
+        if info is not None and info.choices and not {*given} <= {*info.choices}:
             raise error(f"{entry.name} must be one of {', '.join(info.choices)}, got {value!r}")

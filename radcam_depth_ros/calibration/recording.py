@@ -199,7 +199,7 @@ class _Reading:
 
     def _camera_frame(self) -> str:
         for item in self._reader.messages([self._topics.image]):
-            return str(item.message.header.frame_id) or self._settings.frame_builder.camera_frame
+            return self._settings.frame_builder.camera_frame or str(item.message.header.frame_id)
         return ""
 
     def _sweep(self, item: BagMessage) -> None:
@@ -207,7 +207,10 @@ class _Reading:
         reading = decode_radar(item.message, self._aliases[index])
         self._radar_frames.setdefault(item.topic, reading.frame_id)
         self._over_ground[item.topic] = reading.is_over_ground
-        stamp_ns = reading.stamp_ns + round(self._offsets_s[index] * _SECOND)
+        config = self._frame_builder.config
+        stamp_ns = config.sweep_ns(item.topic, reading.stamp_ns, item.log_time_ns) + round(
+            self._offsets_s[index] * _SECOND
+        )
         xyz_m, speed_mps = reading.returns.xyz_m, reading.returns.radial_speed_mps
         if len(xyz_m) > _MOST_RETURNS:
             kept = np.linspace(0, len(xyz_m) - 1, _MOST_RETURNS).astype(int)

@@ -135,6 +135,7 @@ class RoadReading:
             self._config,
             radars=(),
             radar_frame="",
+            radar_stamps="header",
             radar_fields="",
             camera_from_radar=(),
             radar_motion_compensation=False,
@@ -228,11 +229,15 @@ class RoadReading:
         for number, item in enumerate(self._reader.messages([topic])):
             if number in picks:
                 reading = decode_radar(item.message, aliases)
+                reading = replace(reading, stamp_ns=self._config.sweep_ns(topic, reading.stamp_ns, item.log_time_ns))
                 if not reading.is_over_ground:
                     yield reading
 
     def _is_ahead(self, index: int, radar_frame: str, velocity_mps: DoubleArray) -> bool:
         """Whether a radar's velocity is along the camera's view; True where nobody tells how the radar is mounted."""
+        radar_frame = (
+            for_each_radar("radar_frame", self._config.radar_frame, len(self.topics.radars))[index] or radar_frame
+        )
         fixed = np.reshape(self._config.camera_from_radar, (-1, 7))
         if len(fixed):
             rotation = RigidTransform.from_quaternion(fixed[index, :3], fixed[index, 3:]).rotation

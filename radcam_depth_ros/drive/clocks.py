@@ -7,6 +7,8 @@ from collections.abc import Collection
 import numpy as np
 import numpy.typing as npt
 
+from radcam_depth_ros.pairing import unset_stamps
+
 _SAMPLES = 200
 _ENOUGH = 5
 MAX_OFFSET_S = 1.0
@@ -18,10 +20,11 @@ class Clocks:
 
     Args:
         image: The images' topic, which all others are compared with.
+        radars: The radars' topics.
     """
 
-    def __init__(self, image: str) -> None:
-        self._image = image
+    def __init__(self, image: str, radars: Collection[str] = ()) -> None:
+        self._image, self._radars = image, radars
         self._stamps_ns: dict[str, list[int]] = {image: []}
         self._delays_ns: dict[str, list[int]] = {image: []}
 
@@ -66,6 +69,8 @@ class Clocks:
         )
 
     def _apart(self, topic: str, offset_s: float) -> str:
+        if not any(self._stamps_ns[topic]):
+            return unset_stamps(topic, is_radar=topic in self._radars)
         where = "ahead of" if offset_s > 0 else "behind"
         return (
             f"the stamps on {topic} are {abs(offset_s):.2f} s {where} those on {self._image}; synchronise the sensors' "

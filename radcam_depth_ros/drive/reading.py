@@ -110,7 +110,7 @@ class _Fit:
     def __init__(
         self, topics: SensorTopics, settings: DriveSettings, frame_builder: FrameBuilder, truth: GroundTruth
     ) -> None:
-        self._clocks = Clocks(topics.image)
+        self._clocks = Clocks(topics.image, topics.radars)
         self._topics, self._settings = topics, settings
         self._frame_builder, self._truth = frame_builder, truth
         offsets_s = for_each_radar(
@@ -125,7 +125,7 @@ class _Fit:
     def note(self, topic: str, time_ns: int, now_ns: int) -> None:
         """Takes note of a message's times."""
         if topic in self._topics.radars:
-            time_ns += self._radar_offsets_ns[topic]
+            time_ns = self._frame_builder.config.sweep_ns(topic, time_ns, now_ns) + self._radar_offsets_ns[topic]
         self._clocks.add(topic, time_ns, now_ns)
 
     def counted(self, sample: Sample) -> Sample:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,7 @@ class FrameBuilder:
         transforms: The transform tree, filled from `/tf_static` and `/tf`.
         dropped_returns: Of each radar, how many returns of its last sweep were left out since they were not finite.
         thinned_returns: The same of those left out since there were too many.
+        unstamped_sweeps: Of each radar, how many sweeps had a stamp of 0.
         unmoved_frames: How many frames have returns that could not be moved to the image's time.
         motion_problem: Why that is so of the last frame; empty where it is not.
         last_motion_problem: Why it was so the last time.
@@ -58,6 +60,7 @@ class FrameBuilder:
         self._last_sweeps: dict[int, tuple[RadarReading, int]] = {}  # by radar, with its time
         self.dropped_returns = dict.fromkeys(config.radars, 0)
         self.thinned_returns = dict.fromkeys(config.radars, 0)
+        self.unstamped_sweeps = dict.fromkeys(config.radars, 0)
         self.unmoved_frames = 0
         self.motion_problem = self.last_motion_problem = ""
         self._motion = self._new_motion("") if config.moves_radar and config.odometry else None
@@ -109,13 +112,20 @@ class FrameBuilder:
         """Of each radar: stamps of the last sweeps that were taken, corrected, minus the images', seconds."""
         return dict(zip(self.config.radars, self._pairer.offsets_s, strict=True))
 
-    def add(self, topic: str, message: Any, now_ns: int) -> tuple[Frame, ...]:
+    @property
+    def waits_s(self) -> tuple[float, ...]:
+        """How long the last images waited for sweeps, seconds."""
+        return self._pairer.waits_s
+
+    def add(self, topic: str, message: Any, now_ns: int, arrived_ns: int | None = None) -> tuple[Frame, ...]:
         """Takes one message.
 
         Args:
             topic: One of the topics of the config, `/tf_static` or `/tf`; others are ignored.
             message: Of the topic's type, of rclpy or rosbags.
             now_ns: Time of arrival on a clock that never goes back; says how long an image has waited.
+            arrived_ns: Time of arrival on the clock that images are stamped by, for `radar_stamps`; None where `now_ns`
+                is on that clock, as the times of recording of a bag are.
 
         Returns:
             Frames that are complete now, in stamp order.
@@ -123,7 +133,7 @@ class FrameBuilder:
         Raises:
             RadcamDepthError: for a message that cannot be used; it is left out, and nothing else is lost.
         """
-        return self.take(topic, self.decode(topic, message), now_ns)
+        return self.take(topic, self.decode(topic, message), now_ns, arrived_ns)
 
     def decode(self, topic: str, message: Any) -> Any:
         """What is in a message of a topic: the first part of `add`, which may run in any thread.
@@ -138,18 +148,22 @@ class FrameBuilder:
         # Calibration and odometry are small, and read where they are taken.
         return decode_transforms(message) if topic in TRANSFORM_TOPICS else message
 
-    def take(self, topic: str, content: Any, now_ns: int) -> tuple[Frame, ...]:
+    def take(self, topic: str, content: Any, now_ns: int, arrived_ns: int | None = None) -> tuple[Frame, ...]:
         """Takes what `decode` gave: the second part of `add`, with the same result and errors."""
         if topic == self.config.image:
             image: ImageReading = content
+            if self.config.camera_frame:
+                image = replace(image, frame_id=self.config.camera_frame)
             self._sensor_frames[topic] = image.frame_id
-            self._follow(image.frame_id or self.config.camera_frame)
+            self._follow(image.frame_id)
             return self._frames(self._pairer.add_image(image.stamp_ns, image, now_ns))
         if topic in self.config.radars:
             sweep: RadarReading = content
             self._sensor_frames[topic] = sweep.frame_id
             self.dropped_returns[topic], self.thinned_returns[topic] = sweep.dropped, sweep.thinned
-            return self._frames(self._pairer.add_sweep(topic, sweep.stamp_ns, sweep, now_ns))
+            sweep_ns = self.config.sweep_ns(topic, sweep.stamp_ns, now_ns if arrived_ns is None else arrived_ns)
+            self.unstamped_sweeps[topic] += sweep_ns == 0
+            return self._frames(self._pairer.add_sweep(topic, sweep_ns, sweep, now_ns))
         if topic == self.config.calibration_topic:
             if self._calibration is None or not self._calibration.matches(content):
                 self._calibration = None
@@ -186,7 +200,7 @@ class FrameBuilder:
 
         Args:
             index: The radar's place in `config.radars`.
-            radar_frame: The frame of its clouds; the config's is taken where it is empty.
+            radar_frame: The frame of its clouds; the config's comes first.
             camera_frame: The camera's frame.
             camera_ns: When the camera is there, and
             radar_ns: when the radar was, where a mount moves; None for the newest that is known.
@@ -196,7 +210,7 @@ class FrameBuilder:
         """
         if self._fixed_extrinsics:
             return self._fixed_extrinsics[index]
-        frame = radar_frame or self._radar_frames[index]
+        frame = self._radar_frames[index] or radar_frame
         if not frame:
             raise FrameBuilderError(
                 f"the clouds on {self.config.radars[index]!r} have an empty frame_id; set it in the driver, or set the "
@@ -264,7 +278,7 @@ class FrameBuilder:
                 "publish the camera's calibration there, or set the topic's name"
             )
         reading = pair.image
-        frame_id = reading.frame_id or self.config.camera_frame
+        frame_id = reading.frame_id
         if not frame_id and not self._fixed_extrinsics:
             raise FrameBuilderError(
                 f"the images on {self.config.image!r} have an empty frame_id; set it in the driver, or set the "

@@ -14,6 +14,7 @@ TRANSFORM_TOPICS = ("/tf_static", "/tf")
 COMPRESSED_SUFFIX = "/compressed"
 """What image_transport adds to a topic's name for compressed images."""
 JUMPS = ("follow", "refuse")
+RADAR_STAMPS = ("header", "arrival")
 WITHOUT_RADAR = ("camera_only", "hold", "suppress")
 """What becomes of an image without radar returns: depth of the camera alone, of older returns, or none."""
 
@@ -37,8 +38,8 @@ class FrameBuilderConfig:
     radars: tuple[str, ...] = setting(
         ("radar/points",),
         'Topics of the radars (sensor_msgs/PointCloud2). [""] means none: depth comes from the camera alone. '
-        "radar_fields, radar_frame and radar_time_offset_s take one value for all radars, or a list with one value "
-        "for each, in this order.",
+        "radar_fields, radar_frame, radar_stamps and radar_time_offset_s take one value for all radars, or a list with "
+        "one value for each, in this order.",
     )
     image_is_rectified: bool = setting(
         False,
@@ -47,13 +48,22 @@ class FrameBuilderConfig:
     )
     camera_frame: str = setting(
         "",
-        "Frame of images whose frame_id is empty. Its axes are those of an optical frame: x right, y down, z forward "
-        "(REP 103).",
+        "Frame of the images, in place of their frame_id. Empty takes the frame_id. Its axes are those of an optical "
+        "frame: x right, y down, z forward (REP 103).",
     )
     radar_frame: str | tuple[str, ...] = setting(
         "",
-        "Frame of radar clouds whose frame_id is empty. One frame for all radars, or a list with one for each of "
-        "radar_topics: radar_front, or [radar_front, radar_rear].",
+        "Frame of the radar clouds, in place of their frame_id, for drivers that leave it empty or give all radars the "
+        "same. Empty takes the frame_id. One frame for all radars, or a list with one for each of radar_topics: "
+        'radar_front, or [radar_front, ""].',
+    )
+    radar_stamps: str | tuple[str, ...] = setting(
+        "header",
+        "Time of a radar sweep: that in its header, or that of its arrival, for drivers that set no stamps or have "
+        "another clock. Arrival is later than the measurement by the driver's delay, which radar_time_offset_s "
+        "corrects; in a bag it is the time of recording. One for all radars, or a list with one for each of "
+        "radar_topics.",
+        choices=RADAR_STAMPS,
     )
     radar_fields: str | tuple[str, ...] = setting(
         "",
@@ -154,6 +164,7 @@ class FrameBuilderConfig:
             )
         for_each_radar("radar_time_offset_s", self.pairing.radar_time_offset_s, len(self.radars))
         for_each_radar("radar_frame", self.radar_frame, len(self.radars))
+        for_each_radar("radar_stamps", self.radar_stamps, len(self.radars))
         self.field_aliases()
 
     @property
@@ -173,6 +184,22 @@ class FrameBuilderConfig:
     def needs_transforms(self) -> bool:
         """Whether `/tf_static` or `/tf` must tell where the radars are."""
         return bool(self.radars) and not self.camera_from_radar
+
+    def sweep_ns(self, topic: str, header_ns: int, arrived_ns: int) -> int:
+        """The time of a sweep, nanoseconds, as `radar_stamps` says.
+
+        Args:
+            topic: One of `radars`.
+            header_ns: The stamp of its header.
+            arrived_ns: When it came, on the clock that the images are stamped by.
+        """
+        return arrived_ns if self.is_stamped_by_arrival(topic) else header_ns
+
+    def is_stamped_by_arrival(self, topic: str) -> bool:
+        """Whether the sweeps of one of `radars` are stamped by when they come."""
+        return (
+            for_each_radar("radar_stamps", self.radar_stamps, len(self.radars))[self.radars.index(topic)] == "arrival"
+        )
 
     def field_aliases(self) -> tuple[FieldAliases, ...]:
         """The names of each radar's fields.

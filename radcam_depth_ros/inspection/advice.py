@@ -14,10 +14,8 @@ from radcam_depth_ros.inspection.suggestion import (
     extrinsic_parameters,
     topic_parameters,
 )
-from radcam_depth_ros.pairing import CLOCK_CERTAIN_S, CLOCK_WARNING_S, PairingConfig
+from radcam_depth_ros.pairing import CLOCK_CERTAIN_S, CLOCK_WARNING_S, MAX_TIME_OFFSET_S, PairingConfig
 
-_LARGEST_OFFSET_S = 10.0
-"""Largest value of the parameters for time."""
 _REASONS = {
     "image_topic": "The camera.",
     "image_transport": "How its images are published.",
@@ -46,7 +44,9 @@ def suggest(
             Setting("image_is_rectified", True, "By its name the image is rectified; camera_info has the raw one's.")
         )
     settings += _fields(roles, clouds)
+    settings += _frames(extrinsics, transforms)
     settings += _extrinsics(extrinsics, transforms)
+    settings += _stamps(roles.radars, topics, offsets)
     settings += _pairing(topics, offsets)
     return Suggestion(tuple(settings))
 
@@ -58,6 +58,39 @@ def _fields(roles: Roles, clouds: Sequence[CloudFacts]) -> list[Setting]:
     texts = [f"radial_speed={doubtful[radar]} rcs=" if radar in doubtful else "" for radar in roles.radars]
     reason = f"Only if the intensity on {', '.join(doubtful)} is the Doppler speed, as it seems."
     return [Setting("radar_fields", texts if len(texts) > 1 else texts[0], reason, is_needed=False)]
+
+
+def _frames(extrinsics: Sequence[ExtrinsicFacts], transforms: TransformTree) -> list[Setting]:
+    """Frames for radars that share one, where the tree has one that is called like each topic."""
+    if len({facts.radar_frame for facts in extrinsics}) == len(extrinsics):
+        return []
+    found = [_frame_like(facts.topic, transforms) for facts in extrinsics]
+    is_known = all(found) and len(set(found)) == len(found)
+    values = found if is_known else [facts.radar_frame for facts in extrinsics]
+    reason = (
+        "Radars share a frame_id; these frames are called like their topics."
+        if is_known
+        else ("Radars share a frame_id. Where they are not in one place, write a frame for each of radar_topics.")
+    )
+    return [Setting("radar_frame", values, reason, is_needed=is_known)]
+
+
+def _frame_like(topic: str, transforms: TransformTree) -> str:
+    """The only frame that begins with a part of a topic's name; empty where there is none, or several."""
+    parts = tuple(part for part in topic.split("/") if part)
+    found = [frame for frame in transforms.frames if frame.startswith(parts)]
+    return found[0] if len(found) == 1 else ""
+
+
+def _stamps(radars: Sequence[str], topics: Sequence[TopicFacts], offsets: Sequence[OffsetFacts]) -> list[Setting]:
+    """Stamps by arrival for radars that have none, or another clock than a correction can mend."""
+    without = {facts.topic for facts in topics if facts.has_no_stamps}
+    without |= {facts.topic for facts in offsets if abs(facts.clock_ms or 0.0) > MAX_TIME_OFFSET_S * 1e3}
+    values = ["arrival" if radar in without else "header" for radar in radars]
+    if "arrival" not in values:
+        return []
+    reason = "Its stamps are 0, or of a clock that is far off: sweeps are stamped by when they come."
+    return [Setting("radar_stamps", values if len({*values}) > 1 else values[0], reason)]
 
 
 def _extrinsics(extrinsics: Sequence[ExtrinsicFacts], transforms: TransformTree) -> list[Setting]:
@@ -76,7 +109,7 @@ def _pairing(topics: Sequence[TopicFacts], offsets: Sequence[OffsetFacts]) -> li
     slowest_s = max((1 / facts.hz for facts in topics if facts.topic in radars and facts.hz), default=0.0)
     usual = PairingConfig()
     needed_s = math.ceil(100 * 0.6 * slowest_s) / 100  # half a period, and some for its jitter
-    if usual.max_time_offset_s < needed_s <= _LARGEST_OFFSET_S:
+    if usual.max_time_offset_s < needed_s <= MAX_TIME_OFFSET_S:
         reason = f"A sweep of the slowest radar comes every {slowest_s:.2f} s: the nearest is up to half of that away."
         settings.append(Setting("max_time_offset_s", needed_s, reason))
         settings.append(Setting("max_wait_s", needed_s, "So that the later of two sweeps can be the nearer one."))
@@ -90,7 +123,7 @@ def _clock(offsets: Sequence[OffsetFacts]) -> list[Setting]:
     if worst is None or worst.clock_ms is None or abs(worst.clock_ms) <= CLOCK_WARNING_S * 1e3:
         return []
     value_s = round(-worst.clock_ms / 1e3, 3)
-    if abs(value_s) > _LARGEST_OFFSET_S:
+    if abs(value_s) > MAX_TIME_OFFSET_S:
         return []
     certain = abs(worst.clock_ms) > CLOCK_CERTAIN_S * 1e3
     reason = f"Stamps on {worst.topic} against the images', by the recorder's clock" + (

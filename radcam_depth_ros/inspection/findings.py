@@ -17,7 +17,7 @@ from radcam_depth_ros.inspection.report import (
     TopicFacts,
 )
 from radcam_depth_ros.inspection.roles import Roles
-from radcam_depth_ros.pairing import CLOCK_WARNING_S, clock_warning
+from radcam_depth_ros.pairing import CLOCK_WARNING_S, clock_warning, unset_stamps
 
 _GAP_S = 1.0
 _GAP_PERIODS = 5.0
@@ -49,6 +49,8 @@ def of_topics(topics: Sequence[TopicFacts], roles: Roles) -> Iterator[Finding]:
             )
         if topic.role not in _SENSOR_ROLES:
             continue
+        if topic.has_no_stamps and topic.role != "camera_info":
+            yield _error(unset_stamps(topic.topic, is_radar=topic.role == "radar"))
         if topic.backwards:
             yield _warning(
                 f"{topic.backwards} stamps on {topic.topic} are earlier than the one before; the node starts its "
@@ -65,6 +67,17 @@ def of_topics(topics: Sequence[TopicFacts], roles: Roles) -> Iterator[Finding]:
             parameter = "camera_frame" if topic.role == "camera" else "radar_frame"
             yield _error(
                 f"messages on {topic.topic} have an empty frame_id; set it in the driver, or the parameter {parameter}"
+            )
+
+
+def of_frames(extrinsics: Sequence[ExtrinsicFacts]) -> Iterator[Finding]:
+    """Radars that cannot be told apart by their frames."""
+    for frame in sorted({facts.radar_frame for facts in extrinsics if facts.radar_frame}):
+        topics = [facts.topic for facts in extrinsics if facts.radar_frame == frame]
+        if len(topics) > 1:
+            yield _warning(
+                f"{', '.join(topics)} share the frame_id {frame}, so that all are taken to be in one place; where they "
+                "are not, set frames in the drivers, or the parameter radar_frame, one for each of radar_topics"
             )
 
 

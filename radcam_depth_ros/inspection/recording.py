@@ -80,9 +80,14 @@ class Recording:
             self._taken = sweep.fields if len(sweep.returns) else self._taken
             self._contents.add(sweep.returns, sweep.fields)
 
+    @property
+    def times_ns(self) -> list[int]:
+        """Stamps where messages have some, else when they were recorded."""
+        return self.stamps_ns if any(self.stamps_ns) else self.logs_ns
+
     def topic_facts(self) -> TopicFacts:
         """The topic, with its timing."""
-        times_ns = self.stamps_ns or self.logs_ns
+        times_ns = self.times_ns
         timing = timing_of(times_ns)
         delays_ns = np.subtract(self.logs_ns[: len(self.stamps_ns)], self.stamps_ns) if self.stamps_ns else None
         return TopicFacts(
@@ -98,6 +103,7 @@ class Recording:
             tuple(self.frame_ids),
             self.info.latched,
             self.info.reliable,
+            self.stamps_ns.count(0),
         )
 
     def image_facts(self) -> ImageFacts:

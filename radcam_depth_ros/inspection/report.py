@@ -26,6 +26,7 @@ class TopicFacts:
         frame_ids: Frames in its headers.
         latched: Whether late subscribers get its last messages.
         reliable: Whether it was published reliable.
+        unstamped: How many messages have a stamp of 0.
     """
 
     topic: str
@@ -40,6 +41,12 @@ class TopicFacts:
     frame_ids: tuple[str, ...] = ()
     latched: bool = False
     reliable: bool = True
+    unstamped: int = 0
+
+    @property
+    def has_no_stamps(self) -> bool:
+        """Whether the node would drop messages since they have a stamp of 0; one alone is a simulation's beginning."""
+        return self.unstamped > 1
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,7 @@ def survey(path: Path | str, progress: Callable[[int, int], None] | None = None)
         *findings.of_topics(topics, roles),
         *findings.of_images(images, cameras, roles),
         *findings.of_clouds(clouds, roles),
+        *findings.of_frames(extrinsics),
         *findings.of_extrinsics(extrinsics, road_is_known=road_is_known, footprint=footprint),
         *findings.of_offsets(offsets, limits.max_time_offset_s),
     ]
@@ -126,14 +127,14 @@ def _offsets(recordings: Mapping[str, Recording], roles: Roles, limits: PairingC
     if roles.image is None:
         return []
     images = recordings[roles.image]
-    clocks = Clocks(roles.image)
+    clocks = Clocks(roles.image, roles.radars)
     for name in (roles.image, *roles.radars):
         entry = recordings[name]
-        for stamp_ns, log_ns in zip(entry.stamps_ns, entry.logs_ns, strict=False):
+        for stamp_ns, log_ns in zip(entry.times_ns, entry.logs_ns, strict=False):
             clocks.add(name, stamp_ns, log_ns)
     found: list[OffsetFacts] = []
     for radar in roles.radars:
-        sweeps_ns = recordings[radar].stamps_ns
+        sweeps_ns = recordings[radar].times_ns
         if not images.stamps_ns or not sweeps_ns:
             continue
         offsets_s = nearest_offsets_ns(images.stamps_ns, sweeps_ns) / 1e9

@@ -56,7 +56,7 @@ class Heard:
     Attributes:
         topic: Topic name.
         type_name: For example `sensor_msgs/msg/Image`.
-        log_time_ns: When it came, nanoseconds of a clock that never goes back.
+        log_time_ns: When it came, nanoseconds since 1970 by a clock that never goes back.
         raw: The serialised message (CDR).
     """
 
@@ -115,11 +115,12 @@ class Listener:
         """What comes on these topics from now on, until it ends; it asks of each what all of its publishers offer."""
         waiting: deque[Heard] = deque()
         size = 0
+        epoch_ns = time.time_ns() - time.monotonic_ns()
 
         def take(topic: TopicInfo, raw: bytes) -> None:
             nonlocal size
             self._heard[topic.name] += 1
-            waiting.append(Heard(topic.name, topic.type_name, time.monotonic_ns(), raw))
+            waiting.append(Heard(topic.name, topic.type_name, epoch_ns + time.monotonic_ns(), raw))
             size += len(raw)
             while size > _WAITING_BYTES:
                 size -= len(waiting.popleft().raw)

@@ -27,7 +27,7 @@ from radcam_depth_ros.node.topics.outputs import Outputs
 from radcam_depth_ros.node.topics.reader import Reader, Reading, TooLargeError, UndecodableError
 from radcam_depth_ros.node.topics.subscriptions import Subscriptions
 from radcam_depth_ros.node.warm_up import WarmUp
-from radcam_depth_ros.pairing import for_each_radar
+from radcam_depth_ros.pairing import for_each_radar, unset_stamps
 from radcam_depth_ros.pipeline import Pipeline
 
 EXPIRY_PERIOD_S = 0.02
@@ -186,7 +186,11 @@ class Session:
                 self._images.popitem(last=False)
         if reading.error is not None:
             raise reading.error
-        return self.pipeline.take(reading.source.topic, reading.content, self.clock.now_ns())
+        return self.pipeline.take(reading.source.topic, reading.content, self.clock.now_ns(), self._arrived_ns(reading))
+
+    def _arrived_ns(self, reading: Reading) -> int:
+        """When a message came, on the clock that sensors are stamped by."""
+        return int(self._node.get_clock().now().nanoseconds) - (time.monotonic_ns() - reading.arrived_ns)
 
     def _on_unusable(self, part: str, error: Exception) -> None:
         if isinstance(error, TooLargeError):
@@ -213,12 +217,14 @@ class Session:
         """Takes note of a message that could be read, and of what can be wrong with it all the same."""
         source, message, arrived_ns = reading.source, reading.message, reading.arrived_ns
         self.used[source.part] += 1
-        if source is self.inputs.camera or source in self.inputs.radars:
+        config = self.frame_builder.config
+        if source is self.inputs.camera:
             self.stamps[source.part].add(_stamp_ns(message), arrived_ns)
         if source in self.inputs.radars:
-            self.stamp_offsets[source.part].add(_stamp_ns(message), arrived_ns, self.stamps[self.inputs.camera.part])
+            sweep_ns = config.sweep_ns(source.topic, _stamp_ns(message), self._arrived_ns(reading))
+            self.stamps[source.part].add(sweep_ns, arrived_ns)
+            self.stamp_offsets[source.part].add(sweep_ns, arrived_ns, self.stamps[self.inputs.camera.part])
             self.contents[source.part].add(reading.content.returns, reading.content.fields)
-        config = self.frame_builder.config
         has_frame = message.header.frame_id or config.camera_frame if source is self.inputs.camera else True
         # Where the extrinsics come from /tf_static, no frame can be made at all and the pipeline says so.
         if not has_frame and config.camera_from_radar:
@@ -230,7 +236,10 @@ class Session:
             )
             return
         dropped = self.frame_builder.dropped_returns.get(source.topic, 0)
-        if source in self.inputs.transforms and self.frame_builder.transform_problem:
+        if source.part in self.stamps and self.stamps[source.part].are_unset:
+            is_radar = source in self.inputs.radars
+            self._problems.report(source.part, Level.WARN, unset_stamps(source.topic, is_radar=is_radar))
+        elif source in self.inputs.transforms and self.frame_builder.transform_problem:
             self._problems.report(source.part, Level.WARN, self._transform_problem())
         elif source is self.inputs.odometry and self.frame_builder.odometry_problem:
             self._problems.report(source.part, Level.WARN, self.frame_builder.odometry_problem)

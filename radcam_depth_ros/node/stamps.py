@@ -33,6 +33,11 @@ class SensorStamps:
         self.newest_ns = (stamp_ns, arrived_ns)
         self._stamps_ns.append(stamp_ns)
 
+    @property
+    def are_unset(self) -> bool:
+        """Whether the last two stamps are 0; one alone is that of a simulation's beginning."""
+        return len(self._stamps_ns) > 1 and not (self._stamps_ns[-1] or self._stamps_ns[-2])
+
     def missing_share(self) -> float | None:
         """Of the messages that a steady sensor would have sent, the share that is not there; None of a few messages."""
         intervals_ns = np.diff(np.unique(np.array(self._stamps_ns, np.int64)))

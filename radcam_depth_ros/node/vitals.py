@@ -17,6 +17,8 @@ from radcam_depth_ros.pairing import CLOCK_WARNING_S, PairingCounts, clock_warni
 from radcam_depth_ros.printable import printable
 
 Values = tuple[tuple[str, str], ...]
+_NEAR_SHARE = 0.8
+"""Images that wait for more than this share of `max_wait_s` are told."""
 _WITHOUT_RADAR = {
     "camera_only": "their depth is from the camera alone",
     "hold": "their depth is from older returns, and once these are too old from the camera alone",
@@ -128,6 +130,9 @@ class Vitals:
         if offset_s is not None:
             ahead_s = offset_s + session.radar_time_offset_s(source)
             values.append(("stamps ahead of the camera's [ms]", f"{ahead_s * 1e3:.0f}"))
+        if source in session.inputs.radars:
+            is_by_arrival = session.frame_builder.config.is_stamped_by_arrival(source.topic)
+            values.append(("stamps", "arrival" if is_by_arrival else "header"))
         return tuple(values)
 
     def _calibration(self) -> Status:
@@ -177,7 +182,19 @@ class Vitals:
                 "runs and that both clocks agree"
             )
             return Status("pairing", Level.WARN, sentence, values)
-        return Status("pairing", Level.OK, f"{counts.images - before.images} images in the last second", values)
+        sentence = f"{counts.images - before.images} images in the last second{self._long_wait()}"
+        return Status("pairing", Level.OK, sentence, values)
+
+    def _long_wait(self) -> str:
+        """That images wait nearly as long as they may; empty where they do not."""
+        builder = self._session.frame_builder
+        wait_s, limit_s = float(np.median(builder.waits_s or 0.0)), builder.config.pairing.max_wait_s
+        if not limit_s or wait_s < _NEAR_SHARE * limit_s:
+            return ""
+        return (
+            f"; they wait {wait_s * 1e3:.0f} ms for radar sweeps, near max_wait_s, {limit_s:g} s: sweeps come late, or "
+            "irregularly and out of order"
+        )
 
     def _pairing_values(self, counts: PairingCounts) -> Values:
         frame_builder = self._session.frame_builder
@@ -190,6 +207,11 @@ class Vitals:
             ("duplicates", str(counts.duplicates)),
             ("backward jumps", str(counts.resets)),
         ]
+        if frame_builder.waits_s:
+            found = np.percentile(frame_builder.waits_s, (50, 99))
+            values += [
+                (f"wait {name} [ms]", f"{value * 1e3:.1f}") for name, value in zip(("p50", "p99"), found, strict=True)
+            ]
         for radar in counts.radars:
             values += [
                 (f"{radar.name}: paired", str(radar.paired)),
@@ -247,7 +269,7 @@ class Vitals:
         for radar in session.inputs.radars:
             set_s = session.radar_time_offset_s(radar)
             apart_s = session.stamp_offsets[radar.part].apart_s(CLOCK_WARNING_S, set_s)
-            if apart_s is not None:
+            if apart_s is not None and not session.stamps[radar.part].are_unset:
                 # Arrivals tell no more than hundredths.
                 sentence = clock_warning(radar.topic, round(apart_s, 2), "by when they arrive", set_s)
                 self._problems.report("clocks", Level.WARN, sentence, quietly=self._are_clocks_told)

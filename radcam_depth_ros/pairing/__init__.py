@@ -1,6 +1,12 @@
 """Pairs each image with its nearest radar sweeps."""
 
-from radcam_depth_ros.pairing.clocks import CLOCK_CERTAIN_S, CLOCK_WARNING_S, clock_warning
+from radcam_depth_ros.pairing.clocks import (
+    CLOCK_CERTAIN_S,
+    CLOCK_WARNING_S,
+    MAX_TIME_OFFSET_S,
+    clock_warning,
+    unset_stamps,
+)
 from radcam_depth_ros.pairing.pairer import Pairer
 from radcam_depth_ros.pairing.values import (
     MAX_SWEEPS,
@@ -17,6 +23,7 @@ __all__ = [
     "CLOCK_CERTAIN_S",
     "CLOCK_WARNING_S",
     "MAX_SWEEPS",
+    "MAX_TIME_OFFSET_S",
     "EarlierSweep",
     "Pair",
     "Pairer",
@@ -26,4 +33,5 @@ __all__ = [
     "RadarCounts",
     "clock_warning",
     "for_each_radar",
+    "unset_stamps",
 ]

@@ -36,6 +36,7 @@ class _Waiting(Generic[ImageT]):
     time_ns: int
     stamp_ns: int
     image: ImageT
+    arrived_ns: int
     deadline_ns: int
 
 
@@ -89,6 +90,7 @@ class Pairer(Generic[ImageT, SweepT]):
         self._images: Counter[str] = Counter()
         self._of_radar: tuple[Counter[str], ...] = tuple(Counter() for _ in radars)
         self._offsets_s: tuple[deque[float], ...] = tuple(deque(maxlen=_OFFSETS_KEPT) for _ in radars)
+        self._waits_s: deque[float] = deque(maxlen=_OFFSETS_KEPT)
 
     def adjust(self, config: PairingConfig) -> None:
         """Takes other limits from now on; images that wait do so as long as they were to.
@@ -129,6 +131,11 @@ class Pairer(Generic[ImageT, SweepT]):
         return tuple(tuple(offsets_s) for offsets_s in self._offsets_s)
 
     @property
+    def waits_s(self) -> tuple[float, ...]:
+        """How long the last images waited for sweeps, seconds."""
+        return tuple(self._waits_s)
+
+    @property
     def resets(self) -> int:
         """How often stamps jumped backwards so far."""
         return self._timeline.resets
@@ -147,7 +154,7 @@ class Pairer(Generic[ImageT, SweepT]):
         if time_ns in known_ns:
             self._images["duplicates"] += 1
             return ready
-        waiting = _Waiting(time_ns, stamp_ns, image, now_ns + self._max_wait_ns)
+        waiting = _Waiting(time_ns, stamp_ns, image, now_ns, now_ns + self._max_wait_ns)
         bisect.insort(self._waiting, waiting, key=lambda item: item.time_ns)
         if len(self._waiting) > _IMAGES_KEPT:
             ready += (self._pair(self._waiting.pop(0)),)
@@ -208,6 +215,7 @@ class Pairer(Generic[ImageT, SweepT]):
                 count["paired"] += 1
                 kept_s.append(offset_s)
         self._images["released"] += 1
+        self._waits_s.append(((self._now_ns or waiting.arrived_ns) - waiting.arrived_ns) / _SECOND)
         self._images["paired"] += any(item is not None for item in found)
         self._images["overtaken"] += any(
             0 < item.time_ns - waiting.time_ns <= self._timeline.jump_ns for item in self._released

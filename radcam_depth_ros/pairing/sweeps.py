@@ -11,6 +11,8 @@ from radcam_depth_ros.pairing.values import SweepT
 _SECOND = 1_000_000_000
 _GAPS_NEEDED = 10
 _GAPS_KEPT = 64
+_IN_ORDER_NEEDED = 100
+"""After so many sweeps in a row that came in the order of their times, the next ones are taken to do so as well."""
 _SWEEPS_KEPT = 16
 """So many are kept however old they are, for a bag that is played slowly."""
 _MAX_SWEEPS_KEPT = 256
@@ -24,6 +26,11 @@ class Sweeps(Generic[SweepT]):
     image + x), m or more after the last sweep before the image and m or more before the first one after it. Where that
     leaves no place the choice is final: when 2 x < m, or when the sweeps around the image are less than 2 m apart,
     which makes them neighbours. The order of arrival does not matter for this.
+
+    A radar whose sweeps have long come in the order of their times, as those of one publisher do, is taken to go on so:
+    the choice is final, too, once a sweep after the image came. Of a radar that jitters m is small, and images would
+    mostly wait in vain for one that might come between. The first sweep out of order ends that for a while, and can
+    mislead one image, which `late` shows.
 
     m is three quarters of the shortest of the last gaps. A gap counts once `max_wait` has passed since its later sweep
     came, so that none that is still under way can divide it. Until enough gaps are known, m is next to nothing and
@@ -46,6 +53,7 @@ class Sweeps(Generic[SweepT]):
         self._unmeasured: deque[tuple[int, int]] = deque(maxlen=_MAX_SWEEPS_KEPT)  # the same; their gaps do not count
         self._gaps_ns: deque[int] = deque(maxlen=_GAPS_KEPT)
         self._spacing_ns = 1  # m
+        self._in_order = 0  # so many sweeps in a row came in order
 
     def limit(self, max_offset_ns: int, max_wait_ns: int, max_age_ns: int) -> None:
         """Sets the limits, from now on, to others."""
@@ -59,6 +67,7 @@ class Sweeps(Generic[SweepT]):
         index = bisect.bisect_left(self._times_ns, time_ns)
         if index < len(self._times_ns) and self._times_ns[index] == time_ns:
             return False
+        self._in_order = self._in_order + 1 if self._arrivals and self._arrivals[-1][1] < time_ns else 0
         self._times_ns.insert(index, time_ns)
         self._sweeps.insert(index, sweep)
         self._arrivals.append((now_ns, time_ns))
@@ -110,6 +119,8 @@ class Sweeps(Generic[SweepT]):
             # Of two at the same distance the earlier is taken, so before the image that is near enough.
             first_ns, last_ns = image_ns - distance_ns, image_ns + distance_ns - 1
         after = bisect.bisect_left(self._times_ns, image_ns)
+        if after < len(self._times_ns) and self._in_order >= _IN_ORDER_NEEDED:
+            return True
         if after > 0:
             first_ns = max(first_ns, self._times_ns[after - 1] + self._spacing_ns)
         if after < len(self._times_ns):

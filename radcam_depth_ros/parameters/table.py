@@ -29,7 +29,9 @@ SECTIONS = {
         "camera_roll_deg": "frame_builder.camera_roll_deg",
     },
     "Pairing of images with radar sweeps": {
-        name: _PAIRING + name for name in ("max_time_offset_s", "max_wait_s", "radar_time_offset_s")
+        **{name: _PAIRING + name for name in ("max_time_offset_s", "max_wait_s")},
+        "radar_stamps": "frame_builder.radar_stamps",
+        "radar_time_offset_s": _PAIRING + "radar_time_offset_s",
     },
     "Several sweeps": {
         "radar_sweeps": _PAIRING + "radar_sweeps",

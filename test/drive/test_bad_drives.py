@@ -6,15 +6,33 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from small_drive import CAMERA_FROM_RADAR, START_NS, small_messages
 
+from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.drive import DriveError, DriveSettings, TopicChoice, read_samples
 from radcam_depth_ros.frame_builder import FrameBuilderConfig
+from radcam_depth_ros.messages import StampedTransform, encode_transforms
 from radcam_depth_ros.pairing import PairingConfig
 from radcam_depth_ros.training.data.cache import CacheSettings, build_drive
 from radcam_depth_ros.training.errors import TrainingError
 
 Write = Callable[..., Path]
+
+
+@pytest.fixture
+def bag_without_stamps(tmp_path: Path) -> Path:
+    """The small drive with a radar that sets no stamps."""
+    path = tmp_path / "zero.mcap"
+    with BagWriter(path) as writer:
+        links = [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)]
+        writer.write("/tf_static", encode_transforms(factory, links), START_NS, "tf2_msgs/msg/TFMessage")
+        for index in range(12):
+            for topic, type_name, message, time_ns in small_messages(factory, index):
+                if topic == "/radar/points":
+                    message.header.stamp.sec = message.header.stamp.nanosec = 0
+                writer.write(topic, message, time_ns, type_name)
+    return path
 
 
 def refuses(bag: Path, sentence: str, settings: DriveSettings | None = None) -> None:
@@ -69,6 +87,14 @@ def test_a_clock_that_is_put_right_by_hand(write_drive_with: Write) -> None:
     settings = DriveSettings(FrameBuilderConfig(pairing=PairingConfig(radar_time_offset_s=7.0)))
     samples = list(read_samples(write_drive_with(radar_clock_s=-7.0, radar_frames=12), settings))
     assert all(len(sample.frame.radar) for sample in samples)
+
+
+def test_a_radar_without_stamps_is_named_and_read_by_arrival(bag_without_stamps: Path) -> None:
+    refuses(bag_without_stamps, "a stamp of 0 on each message.*set radar_stamps: arrival")
+    settings = DriveSettings(FrameBuilderConfig(radar_stamps="arrival"))
+    samples = list(read_samples(bag_without_stamps, settings))
+    assert len(samples) == 12
+    assert all(len(sample.frame.radar) == 4 for sample in samples)
 
 
 def test_images_that_find_no_radar(write_drive_with: Write) -> None:

@@ -157,6 +157,43 @@ def test_settings_that_do_not_fit(values: dict[str, object], sentence: str) -> N
         replace(CONFIG, **values)  # type: ignore[arg-type]
 
 
+def test_frames_that_are_set_come_before_those_of_the_messages() -> None:
+    config = replace(CONFIG, radars=("/front", "/rear"), camera_frame="camera", radar_frame=("front", "rear"))
+    frame_builder = FrameBuilder(config)
+    places = {"front": [0.0, 0.0, 1.0], "rear": [0.0, 0.0, -1.0]}
+    fixed = [
+        StampedTransform("camera", name, 0, RigidTransform(np.eye(3), np.array(at))) for name, at in places.items()
+    ]
+    frame_builder.add("/tf_static", encode_transforms(factory, fixed), 0)
+    frame_builder.add("/camera_info", encode_camera_info(factory, CAMERA, 0, "sensor"), 0)
+    one = np.ones(1, np.float32)
+    for topic in config.radars:
+        frame_builder.add(topic, encode_points(factory, {"x": one, "y": one, "z": one}, SECOND, "radar"), 0)
+    (frame,) = frame_builder.add("/image", encode_image(factory, small_image(0), SECOND, "sensor"), 0)
+    assert frame.frame_id == "camera"
+    np.testing.assert_allclose(frame.radar.xyz_m[:, 2], [2, 0])
+
+
+@pytest.mark.parametrize("stamps", ["arrival", ("arrival", "header")])
+def test_sweeps_of_a_radar_without_stamps_have_the_time_of_their_arrival(stamps: str | tuple[str, ...]) -> None:
+    config = replace(
+        CONFIG, radars=("/front", "/rear"), radar_stamps=stamps, camera_from_radar=(0, 0, 0, 0, 0, 0, 1) * 2
+    )
+    frame_builder = FrameBuilder(config)
+    frame_builder.add("/camera_info", encode_camera_info(factory, CAMERA, 0, "camera"), 0)
+    one = np.ones(1, np.float32)
+    for index in range(3):
+        now_ns = (10 + index) * SECOND
+        for topic in config.radars:
+            stamp_ns = 0 if config.is_stamped_by_arrival(topic) else now_ns
+            cloud = encode_points(factory, {"x": one, "y": one, "z": one}, stamp_ns, "")
+            assert not frame_builder.add(topic, cloud, index, now_ns)
+        (frame,) = frame_builder.add("/image", encode_image(factory, small_image(0), now_ns, "camera"), index)
+        assert frame.radar_counts == (1, 1)
+    with pytest.raises(RadcamDepthError, match="radar_stamps must be one of header, arrival, got"):
+        replace(CONFIG, radar_stamps="never")
+
+
 def test_each_radar_has_its_own_frame_fields_and_offset() -> None:
     config = replace(
         CONFIG,

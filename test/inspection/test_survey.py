@@ -195,6 +195,47 @@ def test_a_camera_info_of_another_size_is_an_error(tmp_path: Path) -> None:
     )
 
 
+def test_stamps_of_0_and_frames_that_radars_share(tmp_path: Path) -> None:
+    other = "/radar_rear/points"
+
+    def spoil(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
+        if topic == RADAR:
+            message.header.stamp.sec = message.header.stamp.nanosec = 0
+        return topic, message, time_ns
+
+    links = [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)]
+    report = survey(write_bag(tmp_path / "zero.mcap", spoil, links=links))
+    assert "a stamp of 0 on each message" in texts(report, "error")
+    assert "radar_time_offset_s" not in texts(report, "warning")
+    assert parameters(report)["radar_stamps"] == "arrival"
+    (facts,) = (facts for facts in report.topics if facts.topic == RADAR)
+    assert (facts.unstamped, facts.hz) == (12, pytest.approx(10))
+
+    def double(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
+        index = round((time_ns - START_NS) / PERIOD_NS)
+        return (other if topic == RADAR and index % 2 else topic), message, time_ns
+
+    path = write_bag(tmp_path / "shared.mcap", double, links=links)
+    report = survey(path)
+    assert "/radar/points, /radar_rear/points share the frame_id radar" in texts(report, "warning")
+    assert "radar_frame" not in parameters(report)
+    assert report.suggestion is not None
+    assert "radar_frame" in {setting.name for setting in report.suggestion.settings}
+
+
+def test_radars_that_share_a_frame_get_those_that_are_called_like_their_topics(tmp_path: Path) -> None:
+    names = ("/radar_front/points", "/radar_rear/points")
+
+    def double(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
+        index = round((time_ns - START_NS) / PERIOD_NS)
+        return (names[index % 2] if topic == RADAR else topic), message, time_ns
+
+    frames = ("radar_front_link", "radar_rear_link")
+    links = [StampedTransform("camera", frame, START_NS, CAMERA_FROM_RADAR) for frame in frames]
+    report = survey(write_bag(tmp_path / "drive.mcap", double, links=links))
+    assert parameters(report)["radar_frame"] == list(frames)
+
+
 def test_empty_frames_pauses_and_stamps_that_go_back(tmp_path: Path) -> None:
     def spoil(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
         index = round((time_ns - START_NS) / PERIOD_NS)

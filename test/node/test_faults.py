@@ -198,6 +198,21 @@ def test_stamps_that_are_half_a_second_apart_are_named_with_what_helps(bench: An
     assert set(depths(bench).values()) == {WITH_RADAR}
 
 
+def test_images_that_wait_nearly_as_long_as_they_may_are_told(start: Callable[..., Any]) -> None:
+    bench = start(max_wait_s=0.04)
+    bench.connect()
+
+    def send() -> None:
+        cloud = bench.cloud()
+        stamp_ns = bench.now_ns - 45_000_000  # the next one is as near, and comes later
+        cloud.header.stamp.sec, cloud.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+        bench.send_pair(cloud=cloud)
+
+    status = bench.send_until(lambda: bench.status("pairing", "near max_wait_s, 0.04 s"), send, what="the wait")
+    assert status.level == b"\x00"
+    assert {"wait p50 [ms]", "wait p99 [ms]"} <= {value.key for value in status.values}
+
+
 def test_duplicates_give_one_depth_each_and_are_counted(bench: Any) -> None:
     sent = []
     for _ in range(8):

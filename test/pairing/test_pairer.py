@@ -172,6 +172,34 @@ def test_no_image_waits_for_more_than_the_next_sweep(rates, jitter):
     assert at_once > 30
 
 
+def test_a_radar_that_jitters_costs_no_more_than_its_next_sweep_while_sweeps_come_in_order():
+    rng = random.Random(2)
+    images, radar = stream(10, 0.4, 40, rng), stream(20, 0.6, 40, rng)
+    radar.stamps_ns = sorted(round(stamp + rng.gauss(0, 10 * MS)) for stamp in radar.stamps_ns)
+    radar.arrivals_ns = [stamp + 5 * MS for stamp in radar.stamps_ns]
+    pairer = Pairer(("radar",))
+    outcome = run(pairer, images, {"radar": radar}, tick_ns=10 * MS)
+    late = [pair for pair in outcome.pairs if pair.sweeps[0] != nearest(pair.stamp_ns, radar.stamps_ns)]
+    assert not late
+    for pair, now in zip(outcome.pairs, outcome.released_ns, strict=True):
+        if 6 * SECOND < pair.stamp_ns < 39 * SECOND:  # that they come in order is known
+            assert now <= min(stamp for stamp in radar.stamps_ns if stamp >= pair.stamp_ns) + 5 * MS
+    assert sum(pairer.waits_s[-200:]) / 200 < 0.035
+
+
+def test_the_first_sweep_out_of_order_ends_the_trust_in_their_order():
+    pairer = Pairer(("radar",))
+    for index in range(150):
+        for stamp in (index * 100 * MS, index * 100 * MS + 20 * MS):
+            pairer.add_sweep("radar", stamp, stamp, stamp)
+    last = 149 * 100 * MS
+    # Between the two sweeps around it there is room for another one, but they have long come in order.
+    assert len(pairer.add_image(last - 41 * MS, "image", last + 21 * MS)) == 1
+    pairer.add_sweep("radar", last - 140 * MS, "out of order", last + 22 * MS)
+    assert pairer.add_image(last - 40 * MS, "image", last + 23 * MS) == ()
+    assert [pair.sweeps for pair in pairer.expire(last + SECOND)] == [(last - 80 * MS,)]
+
+
 def looped(source, length_ns, loops):
     """The same stamps again and again, coming later each time."""
     return Stream(
