@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from analyzers import grouped
 
+from radcam_depth_ros.encoder import OUTPUTS
+
 CONFIG = Path(__file__).parents[2] / "config"
 PARTS = ("health", "camera", "radar", "calibration", "pairing", "inference", "output", "model")
 SECOND_NS = 1_000_000_000
@@ -27,6 +29,8 @@ def test_a_node_that_is_deactivated_or_destroyed_leaves_the_other_alive(
     left.diagnostics.clear()
     told = left.until(lambda: left.status("calibration", "nobody publishes it; of this type there is"))
     assert "there is /front/camera_info:" in told.message
+    sentences = [status.message for diagnostics in left.diagnostics for status in diagnostics.values()]
+    assert not [text for text in sentences if any(f"/front/{output.topic}" in text for output in OUTPUTS.values())]
     left.connect()
     left.await_depth()
     check_aggregated(front, left)
