@@ -120,7 +120,8 @@ HELP = {
     "image_topic": "Topic of the camera's images, relative to the node's namespace; remapping works too.",
     "image_transport": "Type of the images.",
     "camera_info_topic": "Topic of the camera's calibration (sensor_msgs/CameraInfo).",
-    "radar_topics": "Topics of the radars (sensor_msgs/PointCloud2).",
+    "radar_topics": "Topics of the radars: sensor_msgs/PointCloud2 or radar_msgs/RadarScan, by the "
+    "type that each topic has.",
     "image_is_rectified": "Whether the images are free of distortion already, as image_rect topics are.",
     "camera_frame": "Frame of images whose frame_id is empty.",
     "radar_frame": "Frame of radar clouds whose frame_id is empty.",
