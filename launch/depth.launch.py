@@ -120,7 +120,8 @@ HELP = {
     "image_topic": "Topic of the camera's images, relative to the node's namespace; remapping works too.",
     "image_transport": "Type of the images.",
     "camera_info_topic": "Topic of the camera's calibration (sensor_msgs/CameraInfo).",
-    "radar_topics": "Topics of the radars (sensor_msgs/PointCloud2).",
+    "radar_topics": "Topics of the radars: sensor_msgs/PointCloud2 or radar_msgs/RadarScan, by the "
+    "type that each topic has.",
     "image_is_rectified": "Whether the images are free of distortion already, as image_rect topics are.",
     "camera_frame": "Frame of the images, in place of their frame_id.",
     "radar_frame": "Frame of the radar clouds, in place of their frame_id, for drivers that leave it "

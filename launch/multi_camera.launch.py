@@ -55,7 +55,8 @@ HELP = {
     "image_topic": "Topic of the camera's images, relative to the node's namespace; remapping works too.",
     "image_transport": "Type of the images.",
     "camera_info_topic": "Topic of the camera's calibration (sensor_msgs/CameraInfo).",
-    "radar_topics": "Topics of the radars (sensor_msgs/PointCloud2).",
+    "radar_topics": "Topics of the radars: sensor_msgs/PointCloud2 or radar_msgs/RadarScan, by the "
+    "type that each topic has.",
     "footprint_frame": "Frame on the road under the vehicle (REP 105).",
     "network": "Network whose weights come with the package.",
     "model_file": "Weight file in place of the network's own.",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from radcam_depth_ros.bags import BagReader, header_stamp_ns
+from radcam_depth_ros.bags import RADAR_TYPES, BagReader, header_stamp_ns
 from radcam_depth_ros.bags.topics import SensorTopics
 from radcam_depth_ros.calibration.recording import CalibrationError
 from radcam_depth_ros.calibration.signals import Signal
@@ -124,7 +124,7 @@ class RoadReading:
 
     def _find_topics(self) -> SensorTopics:
         choice = self._settings.topics
-        clouds = [topic for topic in self._reader.topics if topic.type_name == "sensor_msgs/msg/PointCloud2"]
+        clouds = [topic for topic in self._reader.topics if topic.type_name in RADAR_TYPES]
         if choice.radars is None and len(clouds) <= (choice.lidar is not None):
             choice = replace(choice, radars=())
         return replace(self._settings, topics=choice).find_topics(self._reader)

@@ -37,7 +37,8 @@ class FrameBuilderConfig:
     )
     radars: tuple[str, ...] = setting(
         ("radar/points",),
-        'Topics of the radars (sensor_msgs/PointCloud2). [""] means none: depth comes from the camera alone. '
+        "Topics of the radars: sensor_msgs/PointCloud2 or radar_msgs/RadarScan, by the type that each topic has. "
+        '[""] means none: depth comes from the camera alone. '
         "radar_fields, radar_frame, radar_stamps and radar_time_offset_s take one value for all radars, or a list with "
         "one value for each, in this order.",
     )
@@ -70,7 +71,9 @@ class FrameBuilderConfig:
         "Names of the radar clouds' fields, where the node does not know them: quantity=field, separated by blanks, "
         "such as rcs=power radial_speed=v_d. Quantities are x y z, range azimuth elevation, rcs, radial_speed "
         "(positive moves away), velocity_x velocity_y velocity_z (relative), compensated_x compensated_y (over "
-        "ground). quantity= ignores it. One text for all radars, or a list with one for each of radar_topics.",
+        "ground). quantity= ignores it. A unit stands behind the field, azimuth=az[deg]: m cm mm km, rad deg mrad, m/s "
+        "cm/s km/h; a minus turns the sign, radial_speed=v[-m/s]. One text for all radars, or a list with one for each "
+        "of radar_topics.",
     )
     camera_from_radar: tuple[float, ...] = setting(
         (),

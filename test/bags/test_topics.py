@@ -8,6 +8,7 @@ IMAGE = "sensor_msgs/msg/Image"
 JPEG = "sensor_msgs/msg/CompressedImage"
 INFO = "sensor_msgs/msg/CameraInfo"
 CLOUD = "sensor_msgs/msg/PointCloud2"
+SCAN = "radar_msgs/msg/RadarScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
@@ -131,6 +132,19 @@ def test_what_is_lacking_is_named_with_what_there_is(lacking, role, how):
 def test_an_empty_bag_lacks_everything():
     with pytest.raises(BagError, match="it holds no messages"):
         find_topics([])
+
+
+@pytest.mark.parametrize(
+    ("radars", "found"),
+    [
+        ({"/front/scan": SCAN}, ("/front/scan",)),
+        ({"/radar_front/scan": SCAN, "/radar_front/points": CLOUD}, ("/radar_front/scan",)),
+        ({"/radar_front/scan": SCAN, "/radar_rear/points": CLOUD}, ("/radar_front/scan", "/radar_rear/points")),
+        ({"/radar_scan": SCAN, "/radar_points": CLOUD}, ("/radar_points", "/radar_scan")),
+    ],
+)
+def test_scans_are_radars_and_win_over_a_cloud_in_their_namespace(radars, found):
+    assert find_topics(bag({"/cam/image": IMAGE, "/cam/camera_info": INFO, **radars})).radars == found
 
 
 def test_names_given_are_taken_and_checked():

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_messages
+from radar_scans import SCAN, encode_scan, polar
+from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_messages, small_returns
 
-from radcam_depth_ros.bags import BagWriter, factory
+from radcam_depth_ros.bags import BagReader, BagWriter, factory
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.inspection import Report, survey
 from radcam_depth_ros.messages import (
+    SCAN_FIELDS,
     StampedTransform,
     encode_camera_info,
     encode_compressed_image,
@@ -283,3 +285,64 @@ def test_a_real_drive(astyx_val: Path) -> None:
     assert report.missing == ""
     assert texts(report, "error") == ""
     assert parameters(report)["image_transport"] == "compressed"
+
+
+def with_scans(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
+    """A scan in place of the cloud."""
+    if topic != RADAR:
+        return topic, message, time_ns
+    columns = {**polar(small_returns(0)), "doppler_velocity": [1, 2, 3, 4], "amplitude": [4, 3, 2, 1]}
+    return "/front/scan", encode_scan(factory, columns, time_ns, "radar"), time_ns
+
+
+def test_a_scan_is_a_radar_with_its_fields(tmp_path: Path) -> None:
+    report = survey(write_bag(tmp_path / "drive.mcap", with_scans))
+    assert (report.missing, texts(report, "error")) == ("", "")
+    (cloud,) = report.clouds
+    assert (cloud.topic, cloud.fields, cloud.points) == ("/front/scan", SCAN_FIELDS, (4, 4, 4))
+    assert (cloud.position, cloud.rcs, cloud.radial_speed) == (SCAN_FIELDS[:3], "amplitude", ("doppler_velocity",))
+    assert parameters(report)["radar_topics"] == ["/front/scan"]
+    assert "does not read" not in texts(report, "note")
+
+
+def test_a_cloud_beside_a_scan_is_left_out_and_named(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "drive.mcap", lambda topic, message, time_ns: (topic, message, time_ns))
+    with BagReader(bag) as reader, BagWriter(tmp_path / "both.mcap") as writer:
+        for item in reader.messages():
+            writer.write(item.topic, item.message, item.log_time_ns, item.type_name)
+            if item.topic == RADAR:
+                _, scan, time_ns = with_scans(RADAR, item.message, item.log_time_ns)
+                writer.write("/radar/scan", scan, time_ns, SCAN)
+    report = survey(tmp_path / "both.mcap")
+    assert parameters(report)["radar_topics"] == ["/radar/scan"]
+    assert f"{RADAR} is left out, since /radar/scan beside it" in texts(report, "note")
+
+
+def test_degrees_in_a_scan_are_an_error_with_the_value_to_set(tmp_path: Path) -> None:
+    def change(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
+        name, changed, recorded_ns = with_scans(topic, message, time_ns)
+        if name == "/front/scan":
+            changed.returns[0].azimuth = 45.0
+        return name, changed, recorded_ns
+
+    report = survey(write_bag(tmp_path / "drive.mcap", change))
+    assert "radar_fields to azimuth=azimuth[deg]" in texts(report, "error")
+
+
+def test_an_intensity_that_is_likely_doppler_is_warned_of_and_suggested_as_a_comment(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+
+    def change(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
+        if topic != RADAR:
+            return topic, message, time_ns
+        angle, distance = rng.uniform(-0.9, 0.9, 40), rng.uniform(5, 80, 40)
+        columns = {"x": distance * np.cos(angle), "y": distance * np.sin(angle), "z": np.zeros(40)}
+        columns["intensity"] = -rng.uniform(5, 15) * np.cos(angle)
+        cloud = {name: values.astype(np.float32) for name, values in columns.items()}
+        return topic, encode_points(factory, cloud, time_ns, "radar"), time_ns
+
+    report = survey(write_bag(tmp_path / "drive.mcap", change))
+    assert "set the parameter radar_fields to radial_speed=intensity rcs=" in texts(report, "warning")
+    assert report.suggestion is not None
+    (setting,) = [setting for setting in report.suggestion.settings if setting.name == "radar_fields"]
+    assert (setting.value, setting.is_needed) == ("radial_speed=intensity rcs=", False)
