@@ -87,7 +87,7 @@ def evaluate(
     radcam-depth evaluate out/test --report out/evaluation.html
     """
     from radcam_depth_ros.evaluation.drive import EvaluationSettings
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 
     keep_apart((json_target, report, csv), (*bags, params, model))
     if protocol is not None and (report or csv or clip is not None or depth is not None):
@@ -144,7 +144,7 @@ def _evaluate_published(
 ) -> None:
     """Measures by a published protocol; RadcamDepthError for a name that is none, and bags that do not serve."""
     from radcam_depth_ros.bags import find_bags
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.errors import EvaluationError
     from radcam_depth_ros.evaluation.measures.protocols import PROTOCOLS
     from radcam_depth_ros.evaluation.published import evaluate_published, published_drives
 
@@ -235,7 +235,7 @@ def _measure(
     """Measures the depth of all bags; EvaluationError where no frame has ground truth."""
     from radcam_depth_ros.evaluation.drive import evaluate_drives
     from radcam_depth_ros.evaluation.frames import FrameLog
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.errors import EvaluationError
     from radcam_depth_ros.evaluation.panels import PanelKeeper
 
     log, keeper = FrameLog(), PanelKeeper() if with_panels else None
@@ -265,7 +265,7 @@ def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | 
         RadcamDepthError: for a place without bags, or a bag that lacks a sensor or has no ground truth.
     """
     from radcam_depth_ros.bags import BagReader, find_bags, read_scenario
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 
     bags = find_bags(places)
     names = [bag.stem if bag.is_file() else bag.name for bag in bags]
