@@ -90,7 +90,7 @@ def test_package_xml_is_valid_and_says_ament_python() -> None:
 
 def test_every_import_is_declared(setup_arguments: dict[str, Any], manifest: ElementTree.Element) -> None:
     declared = {requirement_name(r) for r in setup_arguments["install_requires"]}
-    declared |= {requirement_name(r) for r in setup_arguments["extras_require"]["sim"]}
+    declared |= {requirement_name(r) for name in ("sim", "fleet") for r in setup_arguments["extras_require"][name]}
     imported = imported_distributions()
     others = {DISTRIBUTIONS.get(name, name).lower() for name in imported - FROM_ROS}
     assert others <= declared
@@ -99,7 +99,7 @@ def test_every_import_is_declared(setup_arguments: dict[str, Any], manifest: Ele
 
 def test_nothing_is_declared_that_is_not_imported(setup_arguments: dict[str, Any]) -> None:
     declared = {requirement_name(r) for r in setup_arguments["install_requires"]}
-    declared |= {requirement_name(r) for r in setup_arguments["extras_require"]["sim"]}
+    declared |= {requirement_name(r) for name in ("sim", "fleet") for r in setup_arguments["extras_require"][name]}
     assert declared <= {DISTRIBUTIONS.get(name, name).lower() for name in imported_distributions()}
 
 
