@@ -56,7 +56,7 @@ setup(
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]>=7.1", "ros-jazzy-common-interfaces>=5.3"],
         "sim": ["embreex>=4.4"],
-        "fleet": ["ray[client]>=2.50"],
+        "fleet": ["fsspec>=2024.6", "ray[client]>=2.50", "s3fs>=2024.6"],
         "dev": [
             "bandit>=1.8",
             "colcon-common-extensions>=0.3",

@@ -12,7 +12,15 @@ import typer
 
 from radcam_depth_ros.cli.merge import tell
 from radcam_depth_ros.cli.terminal.evaluation_tables import print_facts_and_tables
-from radcam_depth_ros.cli.terminal.fleet_runs import OnOption, OutOption, ShardOption, finish, found_bags, run_fleet
+from radcam_depth_ros.cli.terminal.fleet_runs import (
+    OnOption,
+    OutOption,
+    ShardOption,
+    finish,
+    found_bags,
+    is_url,
+    run_fleet,
+)
 from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
     CameraHeightOption,
@@ -108,7 +116,7 @@ def evaluate(
     )
     settings = node.drive_settings()
     # All are looked at before anything is measured; of many, one that does not serve must not stop the others.
-    fleet = _Fleet(out, shard, on) if out or on else None
+    fleet = _Fleet(out, shard, on) if out or on or any(map(is_url, bags)) else None
     sources = () if fleet or protocol else _find_sources(bags, settings, limit)
     # The evaluation measures depth at the network's size, however the node writes it.
     estimator = load_estimator(replace(node.config.estimator, output_size="native"))

@@ -6,8 +6,11 @@ writes them: a cluster needs no shared folder for them, but one (or storage) for
 
 from __future__ import annotations
 
+import json
 import platform
-from collections.abc import Callable, Iterable, Iterator
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
@@ -19,7 +22,7 @@ from radcam_depth_ros.fleet.results import Done, Failed
 from radcam_depth_ros.fleet.running import Engine, attempt
 from radcam_depth_ros.fleet.unit import Unit, Work, Worker
 
-RETRIES = 5
+RETRIES = 3
 """How often Ray does a drive again whose worker or node died."""
 FIRST_MEMORY_MB = 2000.0
 """Asked for until a drive has told how much it needs (`python -m benchmarks.fleet`)."""
@@ -69,24 +72,24 @@ def ray_engine(address: str) -> Engine:
         raise FleetError(
             "--on ray needs the package ray, which is not installed; install the extra `fleet` of this package with pip"
         ) from error
-    if not ray.is_initialized():
-        try:
-            ray.init(
-                address=None if address == "ray" else address,
-                log_to_driver=False,
-                logging_level="ERROR",
-                **({} if "://" in address else {"include_dashboard": None}),
-            )
-        except Exception as error:  # of many kinds, by the way that a cluster is reached
-            reason = " ".join(str(error).split())[:300]
-            raise FleetError(
-                f"cannot join the Ray cluster {address}: {reason}; check that it runs and that its Python and Ray are "
-                f"those of this computer (Python {platform.python_version()}, Ray {ray.__version__})"
-            ) from None
+    own = {} if address == "ray" else {"address": address}
+    try:
+        ray.init(ignore_reinit_error=True, log_to_driver=False, logging_level="ERROR", **own)
+    except Exception as error:  # of many kinds, by the way that a cluster is reached
+        reason = " ".join(str(error).split())[:300]
+        raise FleetError(
+            f"cannot join the Ray cluster {address}: {reason}; check that it runs and that its Python and Ray are "
+            f"those of this computer (Python {platform.python_version()}, Ray {ray.__version__})"
+        ) from None
     _require_same_versions(ray)
 
     def engine(work: Work, out: str, units: Iterable[Unit]) -> Iterator[tuple[Unit, Done | Failed]]:
-        return _outcomes(ray, work, out, units)
+        # Ray tells of workers that die on stdout, which may be for JSON.
+        with redirect_stdout(sys.stderr):
+            try:
+                yield from _outcomes(ray, work, out, units)
+            finally:
+                ray.shutdown()
 
     return engine
 
@@ -123,42 +126,59 @@ def _require_same_versions(ray: Any) -> None:
 
 
 def _outcomes(ray: Any, work: Work, out: str, units: Iterable[Unit]) -> Iterator[tuple[Unit, Done | Failed]]:
-    shared = ray.put(_Shared(repr(sorted(work.settings().items())), work))
-    submit = _submitter(ray, work, shared, out)
-    waiting: dict[Any, Unit] = {}
-    todo, need_mb = iter(units), FIRST_MEMORY_MB
+    tasks = _Tasks(ray, work, out)
+    todo, died = iter(units), []
     while True:
-        # Few more than can run: values that wait are no memory of this process, and later drives ask for what is known.
-        room = 2 * max(1, int(ray.cluster_resources().get("CPU", 1)) // max(1, work.threads)) - len(waiting)
-        for unit in islice(todo, max(0, room)):
-            waiting[submit(unit, need_mb)] = unit
-        if not waiting:
-            return
-        done, _ = ray.wait(list(waiting), num_returns=1)
-        for reference in done:
-            unit = waiting.pop(reference)
-            outcome = _outcome(ray, reference, unit)
-            if isinstance(outcome, Done):
-                need_mb = max(MORE * outcome.memory_mb, need_mb if need_mb != FIRST_MEMORY_MB else 0.0)
-            yield unit, outcome
+        # Few more than can run: memory stays what it is, and later drives ask for what is known then.
+        for unit in islice(todo, tasks.room()):
+            tasks.submit(unit)
+        if not tasks.waiting:
+            break
+        for unit, outcome in tasks.next():
+            if outcome is None:
+                died.append(unit)
+            else:
+                yield unit, outcome
+    for unit in died:
+        # Alone: one drive that ends its worker may have taken its neighbours with it.
+        tasks.submit(unit)
+        for _, outcome in tasks.next():
+            yield unit, outcome or Failed(f"{unit.place}: its worker died again and again, or its memory ran out")
 
 
-def _submitter(ray: Any, work: Work, shared: Any, out: str) -> Callable[[Unit, float], Any]:
-    task = ray.remote(_do)
-    largest = max((node["Resources"].get("memory", 0.0) for node in ray.nodes() if node["Alive"]), default=0.0)
+class _Tasks:
+    """Drives that the cluster works on."""
 
-    def submit(unit: Unit, need_mb: float) -> Any:
+    def __init__(self, ray: Any, work: Work, out: str) -> None:
+        self._ray, self._out, self._threads = ray, out, work.threads
+        key = json.dumps([work.verb, work.settings()], sort_keys=True)
+        self._shared, self._task = ray.put(_Shared(key, work)), ray.remote(_do)
+        self._need_mb = 0.0
+        self.waiting: dict[Any, Unit] = {}
+
+    def room(self) -> int:
+        """How many more drives may wait."""
+        cores = int(self._ray.cluster_resources().get("CPU", 1))
+        return max(0, 2 * max(1, cores // self._threads) - len(self.waiting))
+
+    def submit(self, unit: Unit) -> None:
+        """Hands a drive to Ray, with the cores and the memory that it needs."""
         # More than any node has would wait for ever.
-        memory = int(min(need_mb * 1024**2, largest))
-        return task.options(num_cpus=work.threads, memory=memory, max_retries=RETRIES).remote(shared, out, unit)
+        nodes = [node["Resources"].get("memory", 0.0) for node in self._ray.nodes() if node["Alive"]]
+        memory = int(min(MORE * (self._need_mb or FIRST_MEMORY_MB) * 1024**2, max(nodes, default=0.0)))
+        options = {"num_cpus": self._threads, "memory": memory, "max_retries": RETRIES}
+        self.waiting[self._task.options(**options).remote(self._shared, self._out, unit)] = unit
 
-    return submit
-
-
-def _outcome(ray: Any, reference: Any, unit: Unit) -> Done | Failed:
-    try:
-        outcome: Done | Failed = ray.get(reference)
-    except ray.exceptions.RayError as error:
-        first = str(error).strip().splitlines()[0]
-        return Failed(f"{unit.place}: its worker died {RETRIES + 1} times ({type(error).__name__}: {first})")
-    return outcome
+    def next(self) -> Iterator[tuple[Unit, Done | Failed | None]]:
+        """The next drives that are done; None for one whose workers died."""
+        done, _ = self._ray.wait(list(self.waiting), num_returns=1)
+        for reference in done:
+            unit = self.waiting.pop(reference)
+            try:
+                outcome: Done | Failed = self._ray.get(reference)
+            except self._ray.exceptions.RayError:
+                yield unit, None
+                continue
+            if isinstance(outcome, Done):
+                self._need_mb = max(self._need_mb, outcome.memory_mb)
+            yield unit, outcome

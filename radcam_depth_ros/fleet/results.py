@@ -21,7 +21,7 @@ from typing import Any
 
 from radcam_depth_ros import __version__
 from radcam_depth_ros.fleet.errors import FleetError
-from radcam_depth_ros.fleet.folder import Folder
+from radcam_depth_ros.fleet.storage import Folder, folder_at
 from radcam_depth_ros.fleet.unit import Unit, Work
 
 FORMAT_VERSION = 1
@@ -126,7 +126,7 @@ class Results:
 
     def __init__(self, place: str, plan: Plan, suffix: str = "") -> None:
         self.plan, self._suffix = plan, suffix
-        self.folder = Folder(place)
+        self.folder = folder_at(place)
         self._names: dict[str, str] = {}
 
     def begin(self) -> None:
@@ -237,7 +237,7 @@ class Results:
 
 def open_results(place: str) -> Results:
     """The results in a folder, for reading; FleetError where there is no plan."""
-    plan = read_plan(Folder(place))
+    plan = read_plan(folder_at(place))
     if plan is None:
         raise FleetError(
             f"there is no {PLAN} in {place}; give the folder that `radcam-depth evaluate BAGS --out` wrote to"

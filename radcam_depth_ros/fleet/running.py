@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from radcam_depth_ros.fleet.folder import Folder
 from radcam_depth_ros.fleet.results import Done, Failed, Plan, Results
 from radcam_depth_ros.fleet.shard import Shard
+from radcam_depth_ros.fleet.storage import folder_at, is_remote, remote_stamp, staged
 from radcam_depth_ros.fleet.unit import Unit, Work, Worker, content_of
 from radcam_depth_ros.frame import RadcamDepthError
 
@@ -86,15 +86,16 @@ def run_here(work: Work, out: str, units: Iterable[Unit]) -> Iterator[tuple[Unit
 
 def attempt(work: Work, worker: Worker, out: str, unit: Unit) -> Done | Failed:
     """Does one drive; whatever is wrong with it becomes a sentence."""
-    start = time.perf_counter()
+    start, local = time.perf_counter(), unit.place
     try:
-        stamp, content = stamp_of(work, unit), _content(work, unit)
-        with Folder(out).written(f"{unit.name}{work.suffix}") as target:
-            body = worker(unit, Path(unit.place), target)
+        with staged(unit.place) as bag, folder_at(out).written(f"{unit.name}{work.suffix}") as target:
+            local = str(bag)
+            stamp, content = stamp_of(work, unit), _content(work, unit)
+            body = worker(unit, bag, target)
         memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         return Done(stamp, content, time.perf_counter() - start, memory_mb, json.dumps(body))
     except RadcamDepthError as error:
-        return Failed(str(error))
+        return Failed(str(error).replace(local, unit.place))
     except (MemoryError, OSError) as error:
         return Failed(f"{unit.place}: {str(error) or type(error).__name__}")
     except Exception as error:  # a night's work must not end with one drive
@@ -107,6 +108,8 @@ def stamp_of(work: Work, unit: Unit) -> str:
     """Size and time of change of a unit's bag, without reading it; empty where there is none."""
     if not work.reads_bags:
         return unit.place
+    if is_remote(unit.place):
+        return remote_stamp(unit.place)
     bag = Path(unit.place)
     try:
         parts = [part.stat() for part in (sorted(bag.iterdir()) if bag.is_dir() else [bag])]
@@ -116,4 +119,6 @@ def stamp_of(work: Work, unit: Unit) -> str:
 
 
 def _content(work: Work, unit: Unit) -> str:
-    return content_of(Path(unit.place)) if work.reads_bags else f"seed {unit.place}"
+    if not work.reads_bags:
+        return f"seed {unit.place}"
+    return remote_stamp(unit.place) if is_remote(unit.place) else content_of(Path(unit.place))

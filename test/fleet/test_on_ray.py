@@ -79,7 +79,7 @@ def test_a_drive_that_kills_its_workers_fails_alone(tmp_path):
     Path(places[1]).write_bytes(b"die")
     summary = run(Numbering(str(tmp_path / "log")), units_of(places), str(tmp_path / "out"), None, engine_of("ray"))
     assert summary.failed == 1
-    assert f"its worker died {on_ray.RETRIES + 1} times" in summary.results.failures()[places[1]]
+    assert "its worker died again and again" in summary.results.failures()[places[1]]
 
 
 @pytest.mark.usefixtures("loaded")
@@ -107,6 +107,5 @@ def test_a_cluster_that_loses_a_node_gives_what_one_process_gives(tmp_path, clus
 
 
 def test_a_cluster_that_does_not_answer_is_one_sentence():
-    ray.shutdown()
     with pytest.raises(FleetError, match=r"cannot join the Ray cluster ray://127\.0\.0\.1:9"):
         engine_of("ray://127.0.0.1:9")

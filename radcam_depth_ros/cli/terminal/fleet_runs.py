@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -39,16 +40,21 @@ OnOption = Annotated[
 ]
 
 
+def is_url(place: Path) -> bool:
+    """Whether a place is at a URL, of which `Path` has left one slash."""
+    return re.match(r"[a-z][a-z0-9+.-]+:/", str(place)) is not None
+
+
 def is_bag(place: Path) -> bool:
-    """Whether a place is one bag, or nothing; else it is a folder that may hold some."""
-    return not place.is_dir() or (place / "metadata.yaml").is_file()
+    """Whether a place is one bag on a disk, or nothing; else it is a folder that may hold some, or a URL."""
+    return (not is_url(place) and not place.is_dir()) or (place / "metadata.yaml").is_file()
 
 
 def found_bags(places: Sequence[Path]) -> list[str]:
     """Places of the bags of a run, sorted; BagError for a place without any."""
-    from radcam_depth_ros.bags import find_bags
+    from radcam_depth_ros.fleet.storage import find_places, place_of
 
-    return [str(bag) for bag in find_bags(places)]
+    return find_places([place_of(place) for place in places])
 
 
 def run_fleet(work: Work, places: Sequence[str], out: Path, shard: str | None, on: str | None) -> RunSummary:
@@ -67,6 +73,7 @@ def run_fleet(work: Work, places: Sequence[str], out: Path, shard: str | None, o
     from radcam_depth_ros.fleet.engines import engine_of
     from radcam_depth_ros.fleet.running import run
     from radcam_depth_ros.fleet.shard import Shard
+    from radcam_depth_ros.fleet.storage import place_of
     from radcam_depth_ros.fleet.unit import units_of
 
     units = units_of(places)
@@ -74,11 +81,10 @@ def run_fleet(work: Work, places: Sequence[str], out: Path, shard: str | None, o
     engine = engine_of(on)
     with progress_bar() as progress:
         task = progress.add_task(f"{work.verb}: drives", total=len(share.take(units)))
-        summary = run(work, units, str(out), share, engine, lambda: progress.advance(task))
+        summary = run(work, units, place_of(out), share, engine, lambda: progress.advance(task))
     if summary.failed:
-        typer.echo(
-            printable(f"{summary.failed} of {len(summary.units)} drives failed; {out}/failed.jsonl says why"), err=True
-        )
+        listed = f"{summary.results.folder.place}/failed.jsonl"
+        typer.echo(printable(f"{summary.failed} of {len(summary.units)} drives failed; {listed} says why"), err=True)
     return summary
 
 
