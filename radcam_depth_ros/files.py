@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import secrets
 from collections.abc import Iterable, Iterator
@@ -10,6 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from radcam_depth_ros.frame import RadcamDepthError
+
+_BLOCK_BYTES = 1 << 20
 
 
 class FileError(RadcamDepthError):
@@ -91,3 +94,19 @@ def _meet(target: Path, origin: Path) -> bool:
         # A folder of bags may have other files beside them.
         return (read / "metadata.yaml").is_file()
     return written.exists() and read.exists() and written.samefile(read)
+
+
+def content_of(path: Path) -> str:
+    """SHA-256 of a file's bytes; of a folder, such as a bag's, of the names and bytes of its files."""
+    if path.is_file():
+        return _sha256_of(path)
+    parts = (f"{part.name} {_sha256_of(part)}\n" for part in sorted(path.iterdir()) if part.is_file())
+    return hashlib.sha256("".join(parts).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def _sha256_of(file: Path) -> str:
+    digest = hashlib.sha256()
+    with file.open("rb", buffering=0) as stream:
+        while block := stream.read(_BLOCK_BYTES):
+            digest.update(block)
+    return digest.hexdigest()

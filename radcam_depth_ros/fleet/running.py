@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from radcam_depth_ros.files import content_of
 from radcam_depth_ros.fleet.results import Done, Failed, Plan, Results
 from radcam_depth_ros.fleet.shard import Shard
 from radcam_depth_ros.fleet.storage import folder_at, is_remote, remote_stamp, staged
-from radcam_depth_ros.fleet.unit import Unit, Work, Worker, content_of
+from radcam_depth_ros.fleet.unit import Unit, Work, Worker
 from radcam_depth_ros.frame import RadcamDepthError
 
 Engine = Callable[[Work, str, Iterable[Unit]], Iterator[tuple[Unit, Done | Failed]]]

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-_BLOCK_BYTES = 1 << 20
-
 
 @dataclass(frozen=True)
 class Unit:
@@ -51,22 +49,6 @@ def _stem(place: str) -> str:
 
 def _short(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:8]
-
-
-def content_of(bag: Path) -> str:
-    """SHA-256 of a bag's bytes; of a folder, of the names and bytes of its files."""
-    if bag.is_file():
-        return _sha256(bag)
-    parts = (f"{part.name} {_sha256(part)}\n" for part in sorted(bag.iterdir()) if part.is_file())
-    return hashlib.sha256("".join(parts).encode("utf-8", "surrogateescape")).hexdigest()
-
-
-def _sha256(file: Path) -> str:
-    digest = hashlib.sha256()
-    with file.open("rb", buffering=0) as stream:
-        while block := stream.read(_BLOCK_BYTES):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 Worker = Callable[[Unit, Path, Path], Mapping[str, Any]]

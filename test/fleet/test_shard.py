@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import pytest
 
+from radcam_depth_ros.files import content_of
 from radcam_depth_ros.fleet.errors import FleetError
 from radcam_depth_ros.fleet.shard import Shard
-from radcam_depth_ros.fleet.unit import content_of, units_of
+from radcam_depth_ros.fleet.unit import units_of
 
 
 @pytest.mark.parametrize("first", [0, 1])
