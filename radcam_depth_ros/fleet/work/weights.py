@@ -38,8 +38,8 @@ class Weights:
     def of(cls, estimator: Estimator) -> Weights:
         """Those of an estimator."""
         config, computation = estimator.config, estimator.computation
-        file = Path(config.model_file)
-        kept = [path for path in (file, file.with_suffix(".yaml")) if config.model_file and path.is_file()]
+        file = Path(config.model_file) if config.model_file else None
+        kept = [path for path in (file, file.with_suffix(".yaml")) if path.is_file()] if file else []
         return cls(
             replace(config, precision=computation.precision, threads=computation.threads),
             estimator.card.network,
