@@ -2,7 +2,7 @@
 
 - The overhead of a drive: what a run costs beside the work itself.
 - The memory of the process that runs, over 10,000 results that are made up.
-- With the extra `fleet`: the rate of 64 small drives on one and on two workers of Ray, from the first result to the last,
+- With the extra `fleet`: the rate of 64 small drives on one and on two workers of Ray, between first and last result,
   one thread a worker. It needs as many free cores.
 """
 
