@@ -29,6 +29,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         share_files("config", "*.yaml", "*.xml"),
+        share_files("config/fleet", "*.yaml", "*.json", "*.sh"),
         share_files("config/nav2", "*.yaml"),
         share_files("config/sensors", "*.yaml"),
         share_files(f"{PACKAGE}/recipes", "*.yaml", to="config/train"),
@@ -55,6 +56,7 @@ setup(
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]>=7.1", "ros-jazzy-common-interfaces>=5.3"],
         "sim": ["embreex>=4.4"],
+        "fleet": ["fsspec>=2024.6", "ray[client]>=2.50", "s3fs>=2024.6"],
         "dev": [
             "bandit>=1.8",
             "colcon-common-extensions>=0.3",

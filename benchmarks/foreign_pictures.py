@@ -28,7 +28,7 @@ from radcam_depth_ros.estimator import EstimatorConfig
 from radcam_depth_ros.evaluation.baselines import without_radar
 from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, Predict, evaluate_drives
 from radcam_depth_ros.evaluation.groups import GEOMETRY
-from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 from radcam_depth_ros.evaluation.summary import Evaluation
 from radcam_depth_ros.frame import Frame, ImageArray
 

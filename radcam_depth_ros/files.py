@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import glob
+import hashlib
 import os
 import secrets
 import shutil
@@ -13,6 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from radcam_depth_ros.frame import RadcamDepthError
+
+_BLOCK_BYTES = 1 << 20
 
 
 class FileError(RadcamDepthError):
@@ -139,3 +142,19 @@ def _meet(target: Path, origin: Path) -> bool:
     if not written.exists() or not read.exists():
         return False
     return any(written.samefile(file) for file in (read, *(read.iterdir() if read.is_dir() else ())))
+
+
+def content_of(path: Path) -> str:
+    """SHA-256 of a file's bytes; of a folder, such as a bag's, of the names and bytes of its files."""
+    if path.is_file():
+        return _sha256_of(path)
+    parts = (f"{part.name} {_sha256_of(part)}\n" for part in sorted(path.iterdir()) if part.is_file())
+    return hashlib.sha256("".join(parts).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def _sha256_of(file: Path) -> str:
+    digest = hashlib.sha256()
+    with file.open("rb", buffering=0) as stream:
+        while block := stream.read(_BLOCK_BYTES):
+            digest.update(block)
+    return digest.hexdigest()

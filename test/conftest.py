@@ -68,6 +68,10 @@ SLOW_PLACES = (
     "networks/weights_io/test_archive.py",
     "benchmarks/test_contention.py",
     "benchmarks/test_adversary.py",
+    "fleet/test_on_ray.py",
+    "fleet/test_merging.py",
+    "fleet/test_storage.py",
+    "fleet/test_kills.py",
 )
 """Folders and files whose tests are slow, those first that take longest."""
 

@@ -18,6 +18,7 @@ from radcam_depth_ros.cli.datasets import export_dataset, import_
 from radcam_depth_ros.cli.evaluate import evaluate
 from radcam_depth_ros.cli.export import export
 from radcam_depth_ros.cli.inspect import inspect
+from radcam_depth_ros.cli.merge import merge
 from radcam_depth_ros.cli.networks import networks
 from radcam_depth_ros.cli.play import play
 from radcam_depth_ros.cli.replay import replay
@@ -38,7 +39,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 _VERBS = (
-    *(simulate, replay, evaluate, train, export, networks, inspect, check_calibration, play, view, bench),
+    *(simulate, replay, evaluate, merge, train, export, networks, inspect, check_calibration, play, view, bench),
     *(import_, export_dataset),
 )
 for verb in _VERBS:

@@ -7,10 +7,8 @@ from typing import Annotated
 
 import typer
 
+from radcam_depth_ros.cli.terminal.fleet_runs import SOME_FAILED
 from radcam_depth_ros.cli.terminal.options import keep_apart, progress_bar
-
-SOME_FAILED = 3
-"""Exit code of a run that did what it could, and told what failed."""
 
 
 def import_(

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.text import Text
 
+from radcam_depth_ros.cli.merge import tell
+from radcam_depth_ros.cli.terminal.evaluation_tables import print_facts_and_tables
+from radcam_depth_ros.cli.terminal.fleet_runs import (
+    OnOption,
+    OutOption,
+    ShardOption,
+    finish,
+    found_bags,
+    is_url,
+    run_fleet,
+)
 from radcam_depth_ros.cli.terminal.node_parameters import OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
     CameraHeightOption,
@@ -30,17 +39,16 @@ from radcam_depth_ros.cli.terminal.options import (
     progress_bar,
     write_json,
 )
-from radcam_depth_ros.printable import printable
-from radcam_depth_ros.reporting.terminal import PlainConsole, print_table
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.drive import DriveSettings, Sample
+    from radcam_depth_ros.drive import DriveSettings
     from radcam_depth_ros.estimator import Estimator
-    from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, Observation
+    from radcam_depth_ros.evaluation.drive import EvaluationSettings, Observation
     from radcam_depth_ros.evaluation.frames import FrameLog
     from radcam_depth_ros.evaluation.panels import PanelKeeper
+    from radcam_depth_ros.evaluation.sources import DriveSource
     from radcam_depth_ros.evaluation.summary import Evaluation
-    from radcam_depth_ros.reporting.table import Fact, Table
+    from radcam_depth_ros.reporting.table import Fact
 
 
 def evaluate(
@@ -78,6 +86,9 @@ def evaluate(
     device: DeviceOption = None,
     precision: PrecisionOption = None,
     threads: ThreadsOption = None,
+    out: OutOption = None,
+    shard: ShardOption = None,
+    on: OnOption = None,
 ) -> None:
     """Measures a network's depth against ground truth, beside simpler baselines.
 
@@ -87,13 +98,9 @@ def evaluate(
     radcam-depth evaluate out/test --report out/evaluation.html
     """
     from radcam_depth_ros.evaluation.drive import EvaluationSettings
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
 
-    keep_apart((json_target, report, csv), (*bags, params, model))
-    if protocol is not None and (report or csv or clip is not None or depth is not None):
-        raise EvaluationError(
-            f"the protocol {protocol} says itself how depth is measured; leave out --report, --csv, --clip and --depth"
-        )
+    keep_apart((json_target, report, csv, out), (*bags, params, model))
+    _require_fitting(protocol, report or csv or clip or depth, csv, shard, out)
     wanted = () if no_baselines else tuple(name.strip() for name in baselines.split(",") if name.strip())
     node = node_parameters(
         params,
@@ -108,15 +115,86 @@ def evaluate(
         depth=depth,
     )
     settings = node.drive_settings()
-    if protocol is not None:
-        estimator = load_estimator(replace(node.config.estimator, output_size="native"))
-        _evaluate_published(bags, settings, estimator, protocol, limit, json_target)
-        return
-    sources = _find_sources(bags, settings, limit)
+    # All are looked at before anything is measured; of many, one that does not serve must not stop the others.
+    fleet = _Fleet(out, shard, on) if out or on or any(map(is_url, bags)) else None
+    sources = () if fleet or protocol else _find_sources(bags, settings, limit)
     # The evaluation measures depth at the network's size, however the node writes it.
     estimator = load_estimator(replace(node.config.estimator, output_size="native"))
     measuring = EvaluationSettings(estimator.card.network, camera_height, clip, wanted)
-    _tell(_measure(sources, settings, estimator, measuring, with_panels=report is not None), report, csv, json_target)
+    if fleet:
+        _evaluate_fleet(bags, settings, estimator, measuring, protocol, limit, fleet, report, json_target)
+    elif protocol:
+        _evaluate_published(bags, settings, estimator, protocol, limit, json_target)
+    else:
+        measured = _measure(sources, settings, estimator, measuring, with_panels=report is not None)
+        _tell(measured, report, csv, json_target)
+
+
+def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | None) -> tuple[DriveSource, ...]:
+    """The bags of some places, looked at."""
+    from radcam_depth_ros.bags import find_bags
+    from radcam_depth_ros.evaluation.sources import DriveSource
+
+    return tuple(DriveSource.find(bag, settings, limit) for bag in find_bags(places))
+
+
+@dataclass(frozen=True)
+class _Fleet:
+    """Where a run over many drives works.
+
+    Attributes:
+        out: Folder of the results; None for a temporary one.
+        shard: Which drives; None for all.
+        on: The engine; None for this process.
+    """
+
+    out: Path | None
+    shard: str | None
+    on: str | None
+
+
+def _require_fitting(protocol: str | None, own: object, csv: Path | None, shard: str | None, out: Path | None) -> None:
+    """Refuses options that do not go together; `own` are those that a protocol decides itself."""
+    from radcam_depth_ros.evaluation.measures.errors import EvaluationError
+    from radcam_depth_ros.evaluation.measures.protocols import PROTOCOLS
+
+    if protocol is not None and protocol not in PROTOCOLS:
+        raise EvaluationError(f"expected a protocol among {', '.join(PROTOCOLS)}, got {protocol!r}")
+    if protocol is not None and own:
+        raise EvaluationError(
+            f"the protocol {protocol} says itself how depth is measured; leave out --report, --csv, --clip and --depth"
+        )
+    if shard is not None and out is None:
+        raise EvaluationError("--shard needs a folder that the results of all shards go to; give --out DIR")
+    if csv is not None and out is not None:
+        raise EvaluationError(
+            "--out keeps sums of each drive, not its frames; leave out --csv, or evaluate without --out"
+        )
+
+
+def _evaluate_fleet(
+    bags: Sequence[Path],
+    settings: DriveSettings,
+    estimator: Estimator,
+    measuring: EvaluationSettings,
+    protocol: str | None,
+    limit: int | None,
+    fleet: _Fleet,
+    report: Path | None,
+    target: str | None,
+) -> None:
+    """Measures each drive apart and keeps its result; then tells of all drives of this run together."""
+    from radcam_depth_ros.fleet.merging import merge
+    from radcam_depth_ros.fleet.work.evaluating import Evaluating
+    from radcam_depth_ros.fleet.work.weights import Weights
+
+    work = Evaluating(Weights.of(estimator), settings, measuring, protocol, limit)
+    with TemporaryDirectory(prefix="radcam_depth_results_") as temporary:
+        summary = run_fleet(work, found_bags(bags), fleet.out or Path(temporary), fleet.shard, fleet.on)
+        # A shard alone is told of only where that is asked for.
+        if summary.units and (fleet.shard is None or report or target):
+            tell(merge(summary.results, summary.units), report, target)
+    finish(summary)
 
 
 def _tell(measured: _Measured, report: Path | None, csv: Path | None, json_target: str | None) -> None:
@@ -131,7 +209,9 @@ def _tell(measured: _Measured, report: Path | None, csv: Path | None, json_targe
         write_json(measured.as_json(), json_target)
     if json_target != "-":
         measures = measured.evaluation
-        _print(measured.facts(), (summary_table(measures), distance_table(measures), *thing_tables(measures)))
+        print_facts_and_tables(
+            measured.facts(), (summary_table(measures), distance_table(measures), *thing_tables(measures))
+        )
 
 
 def _evaluate_published(
@@ -144,12 +224,9 @@ def _evaluate_published(
 ) -> None:
     """Measures by a published protocol; RadcamDepthError for a name that is none, and bags that do not serve."""
     from radcam_depth_ros.bags import find_bags
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
     from radcam_depth_ros.evaluation.measures.protocols import PROTOCOLS
     from radcam_depth_ros.evaluation.published import evaluate_published, published_drives
 
-    if protocol not in PROTOCOLS:
-        raise EvaluationError(f"expected a protocol among {', '.join(PROTOCOLS)}, got {protocol!r}")
     with progress_bar() as progress:
         drives, frames = published_drives(find_bags(places), settings, PROTOCOLS[protocol], limit)
         task = progress.add_task("evaluating", total=frames)
@@ -164,26 +241,7 @@ def _evaluate_published(
         weights = {"weights": estimator.describe(), **vars(estimator.computation)}
         write_json({**result.as_json(), "bags": [str(place) for place in places], **weights}, json_target)
     if json_target != "-":
-        _print((), (result.table(),))
-
-
-@dataclass(frozen=True)
-class _Source:
-    """A bag to read.
-
-    Attributes:
-        bag: Where it is.
-        name: What its frames are filed under.
-        frames: How many of its images are read.
-        limit: Where reading it stops; None for its end.
-        scenario: As `bags.read_scenario` gives it.
-    """
-
-    bag: Path
-    name: str
-    frames: int
-    limit: int | None
-    scenario: Mapping[str, str]
+        print_facts_and_tables((), (result.table(),))
 
 
 @dataclass(frozen=True)
@@ -193,39 +251,47 @@ class _Measured:
     Attributes:
         evaluation: The measures.
         sources: The bags.
+        names: What their frames are filed under.
         estimator: The estimator.
         log: The measures of each frame.
         panels: Pictures for the report; None where there is none.
     """
 
     evaluation: Evaluation
-    sources: Sequence[_Source]
+    sources: Sequence[DriveSource]
+    names: Sequence[str]
     estimator: Estimator
     log: FrameLog
     panels: PanelKeeper | None
 
+    @property
+    def bags(self) -> list[str]:
+        """Places of the bags."""
+        return [str(source.bag) for source in self.sources]
+
     def facts(self) -> tuple[Fact, ...]:
         """What stands above the tables."""
-        from radcam_depth_ros.evaluation.tables import facts_of
+        from radcam_depth_ros.evaluation.sources import listed
+        from radcam_depth_ros.evaluation.tables import facts_of, without_truth
         from radcam_depth_ros.reporting.table import Fact
 
         return (
-            Fact("drive" if len(self.sources) == 1 else "drives", _listed(self.sources)),
-            *_without_truth(self.evaluation),
+            Fact("drive" if len(self.sources) == 1 else "drives", listed(self.bags, self.names)),
+            *without_truth(self.evaluation),
             *facts_of(self.evaluation),
             Fact("weights", f"{self.estimator.describe()}, {self.estimator.computation.threads} threads"),
         )
 
     def as_json(self) -> dict[str, Any]:
         """All figures, and what they were measured on and with."""
-        bags = [str(source.bag) for source in self.sources]
-        single = {"bag": bags[0]} if len(bags) == 1 else {}
-        named = {"bags": bags, "weights": self.estimator.describe()}
-        return {**self.evaluation.as_json(), **single, **named, **vars(self.estimator.computation)}
+        from radcam_depth_ros.evaluation.sources import bags_json
+
+        weights = {"weights": self.estimator.describe(), **vars(self.estimator.computation)}
+        return {**self.evaluation.as_json(), **bags_json(self.bags), **weights}
 
 
 def _measure(
-    sources: Sequence[_Source],
+    sources: Sequence[DriveSource],
     settings: DriveSettings,
     estimator: Estimator,
     measuring: EvaluationSettings,
@@ -235,9 +301,12 @@ def _measure(
     """Measures the depth of all bags; EvaluationError where no frame has ground truth."""
     from radcam_depth_ros.evaluation.drive import evaluate_drives
     from radcam_depth_ros.evaluation.frames import FrameLog
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+    from radcam_depth_ros.evaluation.measures.errors import EvaluationError
     from radcam_depth_ros.evaluation.panels import PanelKeeper
+    from radcam_depth_ros.evaluation.sources import distinct_names, listed
 
+    bags = [str(source.bag) for source in sources]
+    names = distinct_names([source.name for source in sources], bags)
     log, keeper = FrameLog(), PanelKeeper() if with_panels else None
 
     def observe(observation: Observation) -> None:
@@ -247,83 +316,18 @@ def _measure(
 
     with progress_bar() as progress:
         task = progress.add_task("evaluating", total=sum(source.frames for source in sources))
-        drives = _drives(sources, settings, estimator, lambda: progress.advance(task))
+        drives = (
+            source.drive(name, settings, estimator.warm_up, lambda: progress.advance(task))
+            for source, name in zip(sources, names, strict=True)
+        )
         evaluation = evaluate_drives(drives, estimator.estimate, measuring, observe)
     if not evaluation.has_ground_truth:
         raise EvaluationError(
-            f"expected ground truth within 100 m of some frame of {_listed(sources)}, got none; LiDAR scans must lie "
-            f"within {settings.max_lidar_offset_s} s of an image, depth images must have an image's stamp"
+            f"expected ground truth within 100 m of some frame of {listed(bags, names)}, got none; LiDAR scans must "
+            f"lie within {settings.max_lidar_offset_s} s of an image, depth images must have an image's stamp"
             + "".join(f"; of the scans {sentence}" for sentence in evaluation.scans.sentences)
         )
-    return _Measured(evaluation, sources, estimator, log, keeper)
-
-
-def _find_sources(places: Sequence[Path], settings: DriveSettings, limit: int | None) -> tuple[_Source, ...]:
-    """The bags of some places; all are looked at before anything is measured.
-
-    Raises:
-        RadcamDepthError: for a place without bags, or a bag that lacks a sensor or has no ground truth.
-    """
-    from radcam_depth_ros.bags import BagReader, find_bags, read_scenario
-    from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
-
-    bags = find_bags(places)
-    names = [bag.stem if bag.is_file() else bag.name for bag in bags]
-    taken = Counter(names)
-    sources = []
-    for bag, name in zip(bags, names, strict=True):
-        with BagReader(bag) as reader:
-            topics = settings.find_topics(reader)
-            if topics.depth is None and topics.lidar is None:
-                raise EvaluationError(
-                    f"expected ground truth in {bag}, got {', '.join(topics.names)}; what would serve is a LiDAR "
-                    "(sensor_msgs/PointCloud2, see --lidar) or true depth images (sensor_msgs/Image of 32FC1 or 16UC1, "
-                    "see --depth)"
-                )
-            frames = reader.count([topics.image])
-            scenario = read_scenario(reader)
-        distinct = name if taken[name] == 1 else str(bag)
-        sources.append(_Source(bag, distinct, min(frames, limit or frames), limit, scenario))
-    return tuple(sources)
-
-
-def _drives(
-    sources: Iterable[_Source], settings: DriveSettings, estimator: Estimator, advance: Callable[[], None]
-) -> Iterator[Drive]:
-    from radcam_depth_ros.drive import read_samples
-    from radcam_depth_ros.evaluation.drive import Drive
-
-    for source in sources:
-        samples = islice(read_samples(source.bag, settings), source.limit)
-        yield Drive(_followed(samples, estimator, advance), source.name, source.scenario)
-
-
-def _followed(samples: Iterable[Sample], estimator: Estimator, advance: Callable[[], None]) -> Iterator[Sample]:
-    for sample in samples:
-        # What is built once for a camera is built here, so that times are those of a running node.
-        estimator.warm_up(sample.frame.camera)
-        yield sample
-        advance()
-
-
-def _listed(sources: Sequence[_Source]) -> str:
-    """The bags in a few words."""
-    if len(sources) == 1:
-        return str(sources[0].bag)
-    names = [source.name for source in sources]
-    some = ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:3])} ... {names[-1]}"
-    return f"{len(sources)} bags: {some}"
-
-
-def _without_truth(evaluation: Evaluation) -> Iterator[Fact]:
-    """Names bags that were read and say nothing: one among many would else go unnoticed."""
-    from radcam_depth_ros.evaluation.groups import BAG
-    from radcam_depth_ros.reporting.table import Fact
-
-    groups = [group for entry in evaluation.groupings if entry.name == BAG for group in entry.groups]
-    idle = [group.name for group in groups if not group.dense.frames]
-    if idle:
-        yield Fact("bags without ground truth within 80 m", ", ".join(idle))
+    return _Measured(evaluation, sources, names, estimator, log, keeper)
 
 
 def _write_report(path: Path, measured: _Measured) -> None:
@@ -336,12 +340,3 @@ def _write_report(path: Path, measured: _Measured) -> None:
     tables = (*tables_of(evaluation), measured.log.worst_table())
     panels = measured.panels.panels() if measured.panels else ()
     write_report(path, f"{evaluation.network} on {where}", measured.facts(), tables, panels, plots_of(evaluation))
-
-
-def _print(facts: Iterable[Fact], tables: Iterable[Table]) -> None:
-    console = PlainConsole()
-    for fact in facts:
-        # Not as markup: a path may hold brackets.
-        console.print(Text.assemble((f"{fact.name}: ", "dim"), printable(fact.value)))
-    for table in tables:
-        print_table(console, table.title, table.columns, table.rows, table.note)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from radcam_depth_ros.cli.terminal.fleet_runs import OnOption, ShardOption, finish, run_fleet
 from radcam_depth_ros.cli.terminal.options import keep_apart, progress_bar
 
 if TYPE_CHECKING:
@@ -27,6 +29,12 @@ def simulate(
         Path | None, typer.Option(help="Settings; the defaults are those of config/simulation.yaml.")
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False,
+    seeds: Annotated[
+        str | None,
+        typer.Option(help="Write the drives of the seeds A to B - 1, given as A:B, to OUT/SEED.mcap; for shards."),
+    ] = None,
+    shard: ShardOption = None,
+    on: OnOption = None,
 ) -> None:
     """Simulates a drive with camera, radars, LiDAR and odometry, with exact depth and classes of every image.
 
@@ -47,6 +55,9 @@ def simulate(
     settings = (
         simulation.SimulationConfig() if config is None else configuration.load(simulation.SimulationConfig, config)
     )
+    if seeds or shard or on:
+        _fleet(settings, _range(seeds), frames, out, shard, on)
+        return
     if drives is not None or jobs is not None:
         _many(settings, seed, frames, out, drives, jobs, overwrite)
         return
@@ -60,6 +71,23 @@ def simulate(
             overwrite=overwrite,
             progress=lambda done, total: progress.update(task, completed=done, total=total),
         )
+
+
+def _range(seeds: str | None) -> range:
+    """The seeds of A:B."""
+    from radcam_depth_ros.simulation import SimulationError
+
+    found = re.fullmatch(r"(\d{1,18}):(\d{1,18})", seeds or "")
+    if found is None or int(found[1]) >= int(found[2]):
+        raise SimulationError(f"expected seeds as A:B with A below B, such as --seeds 0:1000, got {seeds or 'none'}")
+    return range(int(found[1]), int(found[2]))
+
+
+def _fleet(settings: SimulationConfig, seeds: range, frames: int, out: Path, shard: str | None, on: str | None) -> None:
+    """Simulates the drives of a shard."""
+    from radcam_depth_ros.fleet.work.simulating import Simulating
+
+    finish(run_fleet(Simulating(settings, frames), [str(seed) for seed in seeds], out, shard, on))
 
 
 def _many(

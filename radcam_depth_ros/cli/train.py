@@ -16,6 +16,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from radcam_depth_ros.cli.terminal.fleet_runs import OnOption, ShardOption, finish, run_fleet
 from radcam_depth_ros.cli.terminal.node_parameters import INFERENCE, OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
     BackboneOption,
@@ -69,6 +70,11 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, with its bags and recipe.")
     ] = False,
+    cache_only: Annotated[
+        bool, typer.Option("--cache-only", help="Prepare the samples of all bags that are given, and train nothing.")
+    ] = False,
+    shard: ShardOption = None,
+    on: OnOption = None,
 ) -> None:
     """Fits a network on bags that have ground truth: simulated drives, or recordings with a LiDAR.
 
@@ -81,6 +87,7 @@ def train(
     from radcam_depth_ros.training.distributed.ranks import joined
     from radcam_depth_ros.training.initial import Sources
 
+    _require_cache_only(cache_only, shard or on)
     with joined() as ranks:
         console = PlainConsole(stderr=True, quiet=not ranks.is_first)
         asked = _Request(
@@ -97,6 +104,9 @@ def train(
             seed=seed,
         )
         plan = _resumed_plan(asked) if resume else _new_plan(asked)
+        if cache_only:
+            _cache(plan, shard, on)
+            return
         recipe = replace(
             plan.config,
             iterations=iterations or plan.config.iterations,
@@ -266,15 +276,35 @@ def _found_again(source: str | None) -> str | None:
     return source if source is None or source in registry.names() else str(Path(source).resolve())
 
 
-def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
+def _require_cache_only(cache_only: bool, shared: str | None) -> None:
+    from radcam_depth_ros.training.errors import TrainingError
+
+    if shared and not cache_only:
+        raise TrainingError("--shard and --on share the work of --cache-only alone; a training is shared by torchrun")
+
+
+def _cache(plan: RunPlan, shard: str | None, on: str | None) -> None:
+    """Prepares the samples of the bags of a shard. Which of them are held out does not matter for that."""
+    from radcam_depth_ros.fleet.work.caching import Caching
+
+    bags = sorted({*plan.bags, *plan.validation_bags})
+    finish(run_fleet(Caching(plan.cache, _cache_settings(plan)), bags, Path(plan.cache), shard, on))
+
+
+def _cache_settings(plan: RunPlan) -> CacheSettings:
     from radcam_depth_ros.networks import registry
-    from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
+    from radcam_depth_ros.training.data.cache import CacheSettings
+
+    architecture = registry.create_config(plan.network, plan.config.architecture)
+    return CacheSettings(architecture.focal_length_px, architecture.max_depth_m, plan.drive)
+
+
+def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
+    from radcam_depth_ros.training.data.cache import cached_drives
     from radcam_depth_ros.training.data.rehearsal import rehearsal_drives
     from radcam_depth_ros.training.drives import load_data, with_rehearsal
 
-    recipe, cache = plan.config, Path(plan.cache)
-    architecture = registry.create_config(plan.network, recipe.architecture)
-    settings = CacheSettings(architecture.focal_length_px, architecture.max_depth_m, plan.drive)
+    recipe, cache, settings = plan.config, Path(plan.cache), _cache_settings(plan)
     bags, validation_bags, rehearsal_bags = (
         [Path(bag) for bag in group] for group in (plan.bags, plan.validation_bags, plan.rehearsal_bags)
     )

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from array import array
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,18 +21,19 @@ from radcam_depth_ros.evaluation.groups import BAG, GEOMETRY, RETURNS, SCENARIO,
 from radcam_depth_ros.evaluation.measures.classes import ClassMeans
 from radcam_depth_ros.evaluation.measures.distances import DistanceAccumulator
 from radcam_depth_ros.evaluation.measures.edges import EdgeAccumulator
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 from radcam_depth_ros.evaluation.measures.metrics import (
     BINS,
     RANGES,
     DepthAccumulator,
     DepthRange,
-    EvaluationError,
     SemiDenseAccumulator,
     finite_shares,
 )
 from radcam_depth_ros.evaluation.measures.reliability import ReliabilityAccumulator
 from radcam_depth_ros.evaluation.measures.sky import SkyAccumulator
 from radcam_depth_ros.evaluation.measures.sparsification import SparsificationAccumulator
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.evaluation.measures.things import ThingAccumulator
 from radcam_depth_ros.evaluation.summary import DepthSummary, Evaluation, Latency
 from radcam_depth_ros.frame import DepthResult, FloatArray, Frame
@@ -156,20 +159,32 @@ def evaluate_drives(
         EvaluationError: when there are no samples, a dense depth has NaN, or a depth image cannot be the same view as
             its frame.
     """
-    sums, seconds = _Sums(settings or EvaluationSettings(), predict), []
+    settings = settings or EvaluationSettings()
+    sums = EvaluationSums(settings)
     for drive in drives:
-        for index, sample in enumerate(drive.samples):
-            start = time.perf_counter()
-            result = predict(sample.frame)
-            latency_s = time.perf_counter() - start
-            if result is None:
-                sums.add_missing(sample)
-                continue
-            seconds.append(latency_s)
-            observation = sums.add(drive, index, sample, result, latency_s)
-            if observe is not None:
-                observe(observation)
-    return sums.result(Latency.of(seconds))
+        sums.join_drive(drive.name, sum_drive(drive, predict, settings, observe).plain())
+    return sums.result()
+
+
+def sum_drive(
+    drive: Drive,
+    predict: Predict,
+    settings: EvaluationSettings,
+    observe: Callable[[Observation], None] | None = None,
+) -> EvaluationSums:
+    """Estimates and sums up every frame of one drive; arguments and errors as of `evaluate_drives`."""
+    sums = EvaluationSums(settings)
+    for index, sample in enumerate(drive.samples):
+        start = time.perf_counter()
+        result = predict(sample.frame)
+        latency_s = time.perf_counter() - start
+        if result is None:
+            sums.add_missing(sample)
+            continue
+        observation = sums.add(drive, index, sample, result, latency_s, predict)
+        if observe is not None:
+            observe(observation)
+    return sums
 
 
 def resize_result(result: DepthResult, frame: Frame) -> DepthResult:
@@ -206,8 +221,10 @@ def _require_no_nan(result: DepthResult, drive: Drive) -> None:
         )
 
 
-class _DepthSums:
+class _DepthSums(Sums):
     """Dense depth by range and by distance."""
+
+    SUMMED = ("_ranges", "_bins", "_distances", "_coverage", "_frames")
 
     def __init__(self, ranges: tuple[DepthRange, ...]) -> None:
         self._ranges, self._bins = DepthAccumulator(ranges), DepthAccumulator(BINS)
@@ -228,12 +245,21 @@ class _DepthSums:
         return DepthSummary(self._ranges.result(), self._bins.result(), self._distances.result(), coverage)
 
 
-class _Sums:
-    """Sums over the frames of all drives."""
+class EvaluationSums(Sums):
+    """Sums over the frames of one or several drives.
 
-    def __init__(self, settings: EvaluationSettings, predict: Predict) -> None:
+    Args:
+        settings: Settings of the evaluation.
+    """
+
+    SUMMED = (
+        *("_dense", "_semi_dense", "_baselines", "_classes", "_groups", "_geometry", "_sparsification"),
+        *("_reliability", "_sky", "_edges", "_things", "_given", "_frames", "_missing", "_sources", "_seconds"),
+    )
+
+    def __init__(self, settings: EvaluationSettings) -> None:
         ranges = tuple(DepthRange.within(entry.upper_m, settings.clip_m) for entry in RANGES)
-        self._settings, self._predict = settings, predict
+        self._settings = settings
         self._dense, self._semi_dense = _DepthSums(ranges), SemiDenseAccumulator(ranges)
         self._baselines = {name: _DepthSums(ranges) for name in settings.baselines}
         self._classes, self._groups, self._geometry = ClassMeans(ranges[-1]), GroupMeans(), ComparisonMeans()
@@ -246,17 +272,49 @@ class _Sums:
         self._given = GivenAccumulator(settings.camera_height_m)
         self._frames = self._missing = 0
         self._sources: set[str] = set()
-        self._scans: list[ScanUse] = []
+        self._seconds = array("d")
+        self._uses: list[ScanUse] = []
+        self._joined_scans = ScanSummary()
+
+    @property
+    def _scans(self) -> ScanSummary:
+        """Of all frames."""
+        return ScanSummary.joined([self._joined_scans, ScanSummary.of(self._uses)])
+
+    def plain(self) -> dict[str, Any]:
+        """The sums as JSON can hold them, to the last digit; scans as well."""
+        return {**super().plain(), "scans": dataclasses.asdict(self._scans)}
+
+    def join_drive(self, name: str, plain: Mapping[str, Any]) -> None:
+        """Adds the sums of one drive.
+
+        Args:
+            name: What its frames are filed under; empty where they are under none.
+            plain: What `plain` gave of the sums of `sum_drive`.
+
+        Raises:
+            EvaluationError: when they are of another kind.
+        """
+        groups = plain["groups"]["groups"]
+        if BAG in groups:
+            (frames,) = groups[BAG].values()
+            groups = {**groups, BAG: {name: frames}}
+        self.join({**plain, "groups": {"groups": groups}})
+        self._joined_scans = ScanSummary.joined([self._joined_scans, ScanSummary.from_mapping(plain["scans"])])
 
     def add_missing(self, sample: Sample) -> None:
+        """Adds a frame that has no depth."""
         self._look_at(sample)
         self._missing += 1
 
-    def add(self, drive: Drive, index: int, sample: Sample, result: DepthResult, latency_s: float) -> Observation:
+    def add(
+        self, drive: Drive, index: int, sample: Sample, result: DepthResult, latency_s: float, predict: Predict
+    ) -> Observation:
+        """Adds a frame with its depth; `predict` serves the baseline without radar."""
         in_view = self._look_at(sample)
         _require_no_nan(result, drive)
         result, truth_m = resize_result(result, sample.frame), sample.depth_m
-        depths = {name: self._baseline(name, drive, sample.frame) for name in self._baselines}
+        depths = {name: self._baseline(name, drive, sample.frame, predict) for name in self._baselines}
         coverage, semi_dense_mae_m = self._semi_dense.add(result.semi_dense, truth_m)
         measures = FrameMeasures(
             self._dense.add(result.dense, truth_m),
@@ -276,6 +334,7 @@ class _Sums:
         # Points of a LiDAR are too sparse to have neighbours.
         if sample.source == "exact":
             self._edges.add(result.dense, truth_m)
+        self._seconds.append(latency_s)
         properties = {RETURNS: return_bin(in_view)}
         properties |= {name: drive.scenario[name] for name in SCENARIO if name in drive.scenario}
         properties |= {BAG: drive.name} if drive.name else {}
@@ -288,15 +347,15 @@ class _Sums:
         self._frames += 1
         self._sources.add(sample.source)
         if sample.scan is not None:
-            self._scans.append(sample.scan)
+            self._uses.append(sample.scan)
         return self._given.add(sample.frame)
 
-    def _baseline(self, name: str, drive: Drive, frame: Frame) -> FloatArray:
+    def _baseline(self, name: str, drive: Drive, frame: Frame, predict: Predict) -> FloatArray:
         if name == "ground_nearest":
             return ground_nearest(frame, self._settings.camera_height_m)
         if name == "radar_interpolation":
             return radar_interpolation(frame)
-        result = self._predict(without_radar(frame))
+        result = predict(without_radar(frame))
         if result is None:
             raise EvaluationError(
                 "expected depth of a frame without radar for the baseline camera_only, got none; leave it out where "
@@ -305,7 +364,8 @@ class _Sums:
         _require_no_nan(result, drive)
         return resize_result(result, frame).dense
 
-    def result(self, latency: Latency) -> Evaluation:
+    def result(self) -> Evaluation:
+        """The measures so far; EvaluationError where there are no frames."""
         if not self._frames:
             raise EvaluationError(
                 "expected a drive with at least one image that goes with its radar sweeps, got none; check its topics "
@@ -331,6 +391,6 @@ class _Sums:
             edges=self._edges.result(),
             things=self._things.result(),
             clip_m=self._settings.clip_m,
-            latency=latency,
-            scans=ScanSummary.of(self._scans),
+            latency=Latency.of(self._seconds),
+            scans=self._scans,
         )

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections import Counter
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from radcam_depth_ros.evaluation.baselines import known_or_assumed_ground
 from radcam_depth_ros.evaluation.measures.metrics import json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import Frame
 from radcam_depth_ros.geometry import project
 
@@ -60,7 +62,7 @@ class Given:
         }
 
 
-class GivenAccumulator:
+class GivenAccumulator(Sums):
     """Summarises the inputs of the frames of a drive.
 
     Args:
@@ -68,43 +70,47 @@ class GivenAccumulator:
             one.
     """
 
+    SUMMED = ("_sizes", "_in_view", "_height_m", "_sources", "_returns", "_with_rcs", "_with_speed", "_with_road")
+
     def __init__(self, camera_height_m: float | None) -> None:
-        self._height_m = camera_height_m
-        self._sizes: dict[str, None] = {}
-        self._in_view: list[int] = []
-        self._heights_m: list[float] = []
+        self._given_m = camera_height_m
+        self._sizes: Counter[str] = Counter()
+        self._in_view: Counter[int] = Counter()
+        self._height_m = Fraction(0)  # an exact sum does not depend on the order
         self._sources: set[str] = set()
         self._returns = self._with_rcs = self._with_speed = self._with_road = 0
 
     def add(self, frame: Frame) -> int:
         """Adds a frame; gives back the number of its radar returns in view."""
-        self._sizes[f"{frame.camera.width} x {frame.camera.height}"] = None
-        self._in_view.append(returns_in_view(frame))
+        self._sizes[f"{frame.camera.width} x {frame.camera.height}"] += 1
+        in_view = returns_in_view(frame)
+        self._in_view[in_view] += 1
         self._returns += len(frame.radar)
         self._with_rcs += int(np.isfinite(frame.radar.rcs_dbsm).sum())
         self._with_speed += int(np.isfinite(frame.radar.radial_speed_mps).sum())
         self._with_road += frame.ground.is_known
-        height_m = known_or_assumed_ground(frame, self._height_m).height_m
-        self._heights_m.append(height_m)
-        is_given = self._height_m is not None and math.isclose(self._height_m, height_m)
+        height_m = known_or_assumed_ground(frame, self._given_m).height_m
+        self._height_m += Fraction(height_m)
+        is_given = self._given_m is not None and math.isclose(self._given_m, height_m)
         self._sources.add("given" if is_given else "frame" if frame.ground.is_known else "assumed")
-        return self._in_view[-1]
+        return in_view
 
     def result(self) -> Given:
         """The summary so far."""
-        frames = len(self._in_view)
+        frames = self._in_view.total()
         return Given(
             tuple(self._sizes),
             _spread(self._in_view),
             self._with_rcs / self._returns if self._returns else math.nan,
             self._with_speed / self._returns if self._returns else math.nan,
             self._with_road / frames if frames else math.nan,
-            statistics.fmean(self._heights_m) if frames else math.nan,
+            float(self._height_m / frames) if frames else math.nan,
             "+".join(sorted(self._sources)),
         )
 
 
-def _spread(counts: Sequence[int]) -> tuple[float, float, float]:
+def _spread(frames: Counter[int]) -> tuple[float, float, float]:
+    counts = list(frames.elements())
     if not counts:
         return math.nan, math.nan, math.nan
     return min(counts), statistics.median(counts), max(counts)

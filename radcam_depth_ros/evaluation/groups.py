@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.evaluation.measures.metrics import MEASURES, RANGES, DepthMetrics, FrameMean, json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 
 RETURNS, BAG = "returns", "bag"
 SCENARIO = ("weather", "time_of_day", "season", "street")
@@ -55,8 +57,10 @@ class Comparison:
         return self.mae_m > self.geometry_mae_m
 
 
-class ComparisonMeans:
+class ComparisonMeans(Sums):
     """Compares the dense depth with geometry alone over frames."""
+
+    SUMMED = ("_sum", "_frames", "_worse")
 
     def __init__(self) -> None:
         self._sum = np.zeros((len(COMPARED), 2))
@@ -137,12 +141,13 @@ def worse_than_geometry(overall: Mapping[str, Comparison], groupings: tuple[Grou
     }
 
 
-class GroupMeans:
+class GroupMeans(Sums):
     """Averages over the frames of each group."""
 
+    SUMMED = ("_groups",)
+
     def __init__(self) -> None:
-        self._means: dict[str, dict[str, dict[str, FrameMean]]] = {}
-        self._comparisons: dict[tuple[str, str], ComparisonMeans] = {}
+        self._groups: defaultdict[str, _Groups] = defaultdict(_Groups)
 
     def add(
         self,
@@ -158,22 +163,42 @@ class GroupMeans:
             baselines: The same of each baseline, by its name.
         """
         for name, value in properties.items():
-            means = self._means.setdefault(name, {}).setdefault(value, {})
-            for kind, measures in (("", dense), *baselines.items()):
-                means.setdefault(kind, FrameMean(value)).add(measures[-1])
-            if GEOMETRY in baselines:
-                self._comparisons.setdefault((name, value), ComparisonMeans()).add(dense, baselines[GEOMETRY])
+            self._groups[name][value].add(dense, baselines)
 
     def result(self) -> tuple[Grouping, ...]:
         """The averages so far."""
-        return tuple(Grouping(name, tuple(self._groups(name))) for name in self._means)
+        return tuple(Grouping(name, tuple(self._sorted(name))) for name in self._groups)
 
-    def _groups(self, name: str) -> list[Group]:
-        means = self._means[name]
-        values = [value for value in RETURN_BINS if value in means] if name == RETURNS else list(means)
-        groups = []
-        for value in values:
-            entries = {kind: mean.result() for kind, mean in means[value].items()}
-            compared = self._comparisons.get((name, value))
-            groups.append(Group(value, entries.pop(""), entries, compared.result() if compared else {}))
-        return groups
+    def _sorted(self, name: str) -> Iterator[Group]:
+        groups = self._groups[name]
+        for value in [value for value in RETURN_BINS if value in groups] if name == RETURNS else groups:
+            yield groups[value].result()
+
+
+class _Groups(dict[str, "_GroupMeans"]):
+    """The groups of one property by its value."""
+
+    def __missing__(self, value: str) -> _GroupMeans:
+        self[value] = _GroupMeans(value)
+        return self[value]
+
+
+class _GroupMeans(Sums):
+    """Averages over the frames of one group."""
+
+    SUMMED = ("_means", "_comparison")
+
+    def __init__(self, value: str) -> None:
+        self._value, self._comparison = value, ComparisonMeans()
+        self._means: defaultdict[str, FrameMean] = defaultdict(lambda: FrameMean(value))
+
+    def add(self, dense: npt.NDArray[np.float64], baselines: Mapping[str, npt.NDArray[np.float64]]) -> None:
+        for kind, measures in (("", dense), *baselines.items()):
+            self._means[kind].add(measures[-1])
+        if GEOMETRY in baselines:
+            self._comparison.add(dense, baselines[GEOMETRY])
+
+    def result(self) -> Group:
+        entries = {kind: mean.result() for kind, mean in self._means.items()}
+        compared = self._comparison.result() if GEOMETRY in entries else {}
+        return Group(self._value, entries.pop(""), entries, compared)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import islice
@@ -10,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from radcam_depth_ros.bags import BagReader, factory, read_key_frames, read_scenario
 from radcam_depth_ros.drive import DriveSettings, read_samples
 from radcam_depth_ros.evaluation.drive import Drive, Predict, resize_result
-from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 from radcam_depth_ros.evaluation.measures.protocols import RANGES_M, Protocol, PublishedMeans, PublishedMetrics
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.messages import encode_points, stamp_ns
 from radcam_depth_ros.messages.clouds import Cloud
 from radcam_depth_ros.reporting.table import Table, number
@@ -172,26 +175,50 @@ def evaluate_published(
     Raises:
         EvaluationError: when no frame has ground truth, or a depth image cannot be the same view as its frame.
     """
-    means: dict[str, PublishedMeans] = {ALL: PublishedMeans()}
-    frames = 0
+    sums = PublishedSums()
     for drive in drives:
-        names = (ALL, *_groups_of(drive.scenario))
-        for sample in drive.samples:
-            depth = predict(sample.frame)
-            if depth is None:
-                raise EvaluationError("expected a depth image of each frame, got none; a protocol leaves no frame out")
-            measures = protocol.measure(resize_result(depth, sample.frame).dense, sample.depth_m)
-            for name in names:
-                means.setdefault(name, PublishedMeans()).add(measures)
-            frames += 1
-            progress()
-    result = PublishedEvaluation(protocol.name, network, frames, {name: mean.result() for name, mean in means.items()})
-    if not result.groups[ALL].frames[-1]:
-        raise EvaluationError(
-            f"expected LiDAR points within {RANGES_M[-1]:g} m in some of {frames} frames, got none; a drive needs two "
-            "images or more with scans, and the vehicle's motion"
-        )
-    return result
+        sums.join(sum_published(drive, predict, protocol, progress).plain())
+    return sums.result(protocol, network)
+
+
+class PublishedSums(Sums):
+    """Sums of one or several drives by a published protocol."""
+
+    SUMMED = ("_groups", "_frames")
+
+    def __init__(self) -> None:
+        self._groups: defaultdict[str, PublishedMeans] = defaultdict(PublishedMeans)
+        self._frames = 0
+
+    def add(self, names: Iterable[str], measures: npt.NDArray[np.float64]) -> None:
+        """Adds a frame's measures, as of `Protocol.measure`, to groups of these names."""
+        for name in names:
+            self._groups[name].add(measures)
+        self._frames += 1
+
+    def result(self, protocol: Protocol, network: str) -> PublishedEvaluation:
+        """The averages so far; EvaluationError when no frame has ground truth."""
+        groups = {name: mean.result() for name, mean in self._groups.items()}
+        if ALL not in groups or not groups[ALL].frames[-1]:
+            raise EvaluationError(
+                f"expected LiDAR points within {RANGES_M[-1]:g} m in some of {self._frames} frames, got none; a drive "
+                "needs two images or more with scans, and the vehicle's motion"
+            )
+        return PublishedEvaluation(protocol.name, network, self._frames, groups)
+
+
+def sum_published(
+    drive: Drive, predict: Predict, protocol: Protocol, progress: Callable[[], None] = lambda: None
+) -> PublishedSums:
+    """Estimates and sums up every frame of one drive; arguments and errors as of `evaluate_published`."""
+    sums, names = PublishedSums(), (ALL, *_groups_of(drive.scenario))
+    for sample in drive.samples:
+        depth = predict(sample.frame)
+        if depth is None:
+            raise EvaluationError("expected a depth image of each frame, got none; a protocol leaves no frame out")
+        sums.add(names, protocol.measure(resize_result(depth, sample.frame).dense, sample.depth_m))
+        progress()
+    return sums
 
 
 def _groups_of(scenario: Mapping[str, str]) -> tuple[str, ...]:

@@ -13,7 +13,8 @@ from radcam_depth_ros.evaluation.given import Given
 from radcam_depth_ros.evaluation.groups import Comparison, Grouping, worse_than_geometry
 from radcam_depth_ros.evaluation.measures.distances import STEP_M, DistanceCurve
 from radcam_depth_ros.evaluation.measures.edges import EdgeMetrics
-from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics, EvaluationError, SemiDenseMetrics, json_number
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
+from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics, SemiDenseMetrics, json_number
 from radcam_depth_ros.evaluation.measures.reliability import Reliability
 from radcam_depth_ros.evaluation.measures.sky import SkyMetrics
 from radcam_depth_ros.evaluation.measures.sparsification import Sparsification

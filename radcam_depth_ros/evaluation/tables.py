@@ -336,3 +336,11 @@ def _kinds(evaluation: Evaluation) -> tuple[tuple[str, Sequence[DepthMetrics]], 
 
 def _measures(entry: DepthMetrics) -> tuple[str, ...]:
     return (*(number(getattr(entry, name), 2 if name in ("mae", "rmse") else 3) for name in _TITLES), str(entry.frames))
+
+
+def without_truth(evaluation: Evaluation) -> Iterator[Fact]:
+    """Names bags that were read and say nothing: one among many would else go unnoticed."""
+    groups = [group for entry in evaluation.groupings if entry.name == BAG for group in entry.groups]
+    idle = [group.name for group in groups if not group.dense.frames]
+    if idle:
+        yield Fact("bags without ground truth within 80 m", ", ".join(idle))

@@ -12,7 +12,7 @@ from small_drive import CAMERA, small_image
 from benchmarks import foreign_pictures
 from benchmarks.foreign_pictures import ANOTHER, CHANGES, NATIVE, ROWS, changed, measure
 from radcam_depth_ros.drive import DriveSettings, read_samples
-from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 from radcam_depth_ros.frame import DepthResult, Frame
 
 Write = Callable[..., Path]

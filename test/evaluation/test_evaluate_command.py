@@ -16,7 +16,8 @@ from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.cli.evaluate import evaluate
 from radcam_depth_ros.cli.terminal.options import load_estimator
 from radcam_depth_ros.estimator import EstimatorConfig
-from radcam_depth_ros.evaluation.measures.metrics import MEASURES, EvaluationError
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
+from radcam_depth_ros.evaluation.measures.metrics import MEASURES
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import (

@@ -10,7 +10,8 @@ import pytest
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.drive import Sample, ScanUse
 from radcam_depth_ros.evaluation.drive import Drive, EvaluationSettings, evaluate_drive, evaluate_drives, resize_result
-from radcam_depth_ros.evaluation.measures.metrics import MEASURES, EvaluationError
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
+from radcam_depth_ros.evaluation.measures.metrics import MEASURES
 from radcam_depth_ros.evaluation.plots import plots_of
 from radcam_depth_ros.evaluation.summary import Latency
 from radcam_depth_ros.evaluation.tables import facts_of, tables_of

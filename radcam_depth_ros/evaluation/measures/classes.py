@@ -6,15 +6,18 @@ import numpy as np
 
 from radcam_depth_ros.classes import CLASS_GROUPS, CLASS_NAMES
 from radcam_depth_ros.evaluation.measures.metrics import DepthMetrics, DepthRange, FrameMean, measure_labels
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import FloatArray, ImageArray
 
 
-class ClassMeans:
+class ClassMeans(Sums):
     """Averages over frames by class, and by group of classes.
 
     Args:
         widest: Which ground truth counts.
     """
+
+    SUMMED = ("_sets",)
 
     def __init__(self, widest: DepthRange) -> None:
         self._range = widest
@@ -36,8 +39,10 @@ class ClassMeans:
         return by_class, by_group
 
 
-class _LabelMeans:
+class _LabelMeans(Sums):
     """Averages over frames by groups of labels."""
+
+    SUMMED = ("_means",)
 
     def __init__(self, labels: tuple[str, ...], groups: dict[str, tuple[str, ...]]) -> None:
         self._means = tuple(FrameMean(name) for name in groups)

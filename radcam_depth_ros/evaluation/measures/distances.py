@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radcam_depth_ros.evaluation.measures.metrics import absolute_error, json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import FloatArray
 
 STEP_M = 5.0
@@ -35,8 +36,10 @@ class DistanceCurve:
         return [json_number(value) for value in self.mae_m]
 
 
-class DistanceAccumulator:
+class DistanceAccumulator(Sums):
     """Averages the errors of frames by distance."""
+
+    SUMMED = ("_sum", "_frames")
 
     def __init__(self) -> None:
         count = round(FARTHEST_M / STEP_M)

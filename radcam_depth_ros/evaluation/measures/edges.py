@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.evaluation.measures.metrics import RANGES, DepthAccumulator, DepthMetrics, DepthRange, json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import FloatArray, ImageArray
 
 EDGE_RATIO = 1.15
@@ -47,12 +48,14 @@ class EdgeMetrics:
         return {**near, "share": json_number(self.share), "away": away}
 
 
-class EdgeAccumulator:
+class EdgeAccumulator(Sums):
     """Averages measures near edges and away from them over frames.
 
     Args:
         ranges: The ranges, the widest last.
     """
+
+    SUMMED = ("_near", "_away", "_share", "_frames", "_frames_with_truth")
 
     def __init__(self, ranges: Sequence[DepthRange] = RANGES) -> None:
         self._widest = ranges[-1]

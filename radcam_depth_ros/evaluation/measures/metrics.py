@@ -7,20 +7,19 @@ truth within (0, R] metres, predictions clipped to the same range.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.frame import FloatArray, RadcamDepthError
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
+from radcam_depth_ros.evaluation.measures.sums import Sums
+from radcam_depth_ros.frame import FloatArray
 
 LEAST_DEPTH_M = 1e-3
 """Predictions are clipped to no less than this, so that logarithms exist (0.001 to 80 m is the usual protocol)."""
-
-
-class EvaluationError(RadcamDepthError):
-    """An evaluation that cannot be made: nothing to measure, or images that do not fit together."""
 
 
 @dataclass(frozen=True)
@@ -199,38 +198,54 @@ def _finished(means: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return means
 
 
-class FrameMean:
+class FrameMean(Sums):
     """Averages measures over frames.
 
     Args:
         name: Name in results.
     """
 
+    SUMMED = ("_sum", "_lost", "_frames", "_without")
+
     def __init__(self, name: str) -> None:
         self._name = name
-        self._sum = np.zeros(len(MEASURES))
+        # With what rounding lost (Knuth's two-sum): the mean is the same whether frames are one drive or several.
+        self._sum, self._lost = np.zeros(len(MEASURES)), np.zeros(len(MEASURES))
         self._frames = self._without = 0
 
     def add(self, measures: npt.NDArray[np.float64]) -> None:
         """Adds a frame's measures, (8,) in the order of `MEASURES`; a row of NaN is a frame without ground truth."""
         if np.isfinite(measures[0]):
-            self._sum += measures
+            self._add(measures)
             self._frames += 1
         else:
             self._without += 1
 
+    def join(self, plain: Mapping[str, Any]) -> None:
+        """Adds the sums of other frames, see `Sums.join`."""
+        self._add(np.asarray(plain["sum"]))
+        super().join({**plain, "sum": np.zeros(len(MEASURES))})
+
+    def _add(self, measures: npt.NDArray[np.float64]) -> None:
+        total = self._sum + measures
+        added = total - self._sum
+        self._lost = self._lost + (self._sum - (total - added)) + (measures - added)
+        self._sum = total
+
     def result(self) -> DepthMetrics:
         """The average so far."""
-        means = self._sum / self._frames if self._frames else np.full(len(MEASURES), np.nan)
+        means = (self._sum + self._lost) / self._frames if self._frames else np.full(len(MEASURES), np.nan)
         return DepthMetrics(self._name, self._frames, self._without, *(float(mean) for mean in means))
 
 
-class DepthAccumulator:
+class DepthAccumulator(Sums):
     """Averages measures over frames, in several ranges at once.
 
     Args:
         ranges: The ranges.
     """
+
+    SUMMED = ("_means",)
 
     def __init__(self, ranges: Sequence[DepthRange] = RANGES) -> None:
         self._ranges = tuple(ranges)
@@ -316,12 +331,14 @@ class SemiDenseMetrics:
         return {**shares, **widest, **ranges}
 
 
-class SemiDenseAccumulator:
+class SemiDenseAccumulator(Sums):
     """Averages coverage and measures of semi-dense images over frames.
 
     Args:
         ranges: The ranges, the widest last.
     """
+
+    SUMMED = ("_depth", "_coverage", "_image_share", "_frames", "_frames_with_truth")
 
     def __init__(self, ranges: Sequence[DepthRange] = RANGES) -> None:
         self._depth = DepthAccumulator(ranges)

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from radcam_depth_ros.evaluation.measures.metrics import EvaluationError, json_number
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
+from radcam_depth_ros.evaluation.measures.metrics import json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import FloatArray
 
 RANGES_M = (50.0, 70.0, 80.0)
@@ -105,8 +107,10 @@ class PublishedMetrics:
         }
 
 
-class PublishedMeans:
+class PublishedMeans(Sums):
     """Averages frames."""
+
+    SUMMED = ("_sum", "_frames")
 
     def __init__(self) -> None:
         self._sum = np.zeros((len(RANGES_M), len(PUBLISHED)))

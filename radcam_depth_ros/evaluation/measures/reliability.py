@@ -8,6 +8,7 @@ Sums are over the pixels of all frames.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.evaluation.measures.metrics import DepthRange, json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import FloatArray, ImageArray
 
 BINS = 10
@@ -173,16 +175,18 @@ class Reliability:
         }
 
 
-class ReliabilityAccumulator:
+class ReliabilityAccumulator(Sums):
     """Sums the pixels of frames by confidence; memory does not grow with the number of frames.
 
     Args:
         within: Which ground truth counts.
     """
 
+    SUMMED = ("_times", "_distances", "_surfaces")
+
     def __init__(self, within: DepthRange) -> None:
         self._range = within
-        self._times: dict[str, npt.NDArray[np.float64]] = {}
+        self._times: defaultdict[str, npt.NDArray[np.float64]] = defaultdict(lambda: np.zeros((3, BINS)))
         self._distances = np.zeros((len(DISTANCES), 3, BINS))
         self._surfaces = np.zeros((len(SURFACES), 3, BINS))
 
@@ -210,8 +214,7 @@ class ReliabilityAccumulator:
         # A bound belongs to the nearer part, as in (0, 20].
         by_distance = _sums(np.digitize(truth, _DISTANCE_BOUNDS_M, right=True), len(DISTANCES), bins, predicted, right)
         self._distances += by_distance
-        total = self._times.setdefault(time_of_day, np.zeros((3, BINS)))
-        total += by_distance.sum(axis=0)
+        self._times[time_of_day] += by_distance.sum(axis=0)
         if classes is not None:
             shown = classes[counts]
             known = shown < len(CLASS_NAMES)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from radcam_depth_ros.classes import CLASS_NAMES, WIRE
 from radcam_depth_ros.evaluation.measures.metrics import DepthRange, json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import SKY_FROM, FloatArray, ImageArray
 
 THIN = {
@@ -54,12 +55,14 @@ class SkyMetrics:
         }
 
 
-class SkyAccumulator:
+class SkyAccumulator(Sums):
     """Sums over frames.
 
     Args:
         within: Which surfaces count.
     """
+
+    SUMMED = ("_sky", "_surface", "_thin")
 
     def __init__(self, within: DepthRange) -> None:
         self._range = within

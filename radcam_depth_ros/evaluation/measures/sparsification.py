@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.evaluation.measures.metrics import DepthRange, absolute_error, json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import FloatArray
 
 REMOVED = tuple(step / 20 for step in range(20))
@@ -88,12 +89,14 @@ class Sparsification:
         }
 
 
-class SparsificationAccumulator:
+class SparsificationAccumulator(Sums):
     """Averages the curves of frames; what it holds does not grow with them.
 
     Args:
         within: Which ground truth counts.
     """
+
+    SUMMED = ("_sum", "_frames")
 
     def __init__(self, within: DepthRange) -> None:
         self._range = within

@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.evaluation.measures.metrics import absolute_error, json_number
+from radcam_depth_ros.evaluation.measures.sums import Sums
 from radcam_depth_ros.frame import FloatArray, ImageArray
 
 THINGS = ("person", "rider", "bicycle", "motorcycle", "pole", "traffic sign", "car")
@@ -62,12 +64,14 @@ class ThingErrors:
         return {"mae": json_number(self.mae_m), "median": json_number(self.median_m), "pixels": self.pixels}
 
 
-class ThingAccumulator:
+class ThingAccumulator(Sums):
     """Sums the errors of `THINGS` by distance; memory does not grow with the number of frames.
 
     Args:
         clip_m: Predictions are clipped to (0, clip_m], at all distances.
     """
+
+    SUMMED = ("_sum", "_histogram")
 
     def __init__(self, clip_m: float) -> None:
         self._clip_m = clip_m
@@ -92,6 +96,19 @@ class ThingAccumulator:
         place = part * _BINS + np.minimum(steps.astype(np.int64), _BINS - 1)
         self._sum += np.bincount(part, error, self._sum.size).reshape(self._sum.shape)
         self._histogram += np.bincount(place, minlength=self._histogram.size).reshape(self._histogram.shape)
+
+    def plain(self) -> dict[str, Any]:
+        """As of all sums; of the histogram only the bins that are not empty, which are few."""
+        places = np.flatnonzero(self._histogram)
+        counts = self._histogram.ravel()[places]
+        return {"sum": self._sum.tolist(), "histogram": [places.tolist(), counts.tolist()]}
+
+    def join(self, plain: Mapping[str, Any]) -> None:
+        """Adds the sums of other frames, see `Sums.join`."""
+        histogram = np.zeros(self._histogram.size, np.int64)
+        places, counts = plain["histogram"]
+        histogram[np.asarray(places, np.int64)] = counts
+        super().join({**plain, "histogram": histogram.reshape(self._histogram.shape)})
 
     def result(self) -> dict[str, dict[str, ThingErrors]]:
         """The errors so far, by class and distance: within 80 m, then each of `STRETCHES`.

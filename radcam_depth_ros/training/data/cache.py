@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import glob
 import hashlib
 import json
 import multiprocessing
@@ -22,6 +23,7 @@ import numpy.typing as npt
 from radcam_depth_ros import configuration
 from radcam_depth_ros.drive import DriveSettings, Sample, ScanSummary, ScanUse, read_samples
 from radcam_depth_ros.estimator import radar_columns
+from radcam_depth_ros.files import content_of
 from radcam_depth_ros.frame import CameraModel, FloatArray
 from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.resampling import resample_image
@@ -75,7 +77,7 @@ def cached_drives(
         TrainingError: for a bag without any frame with ground truth, or when the cache cannot be written.
         BagError: for a bag that cannot be read.
     """
-    places = {bag: _place(bag, folder, settings) for bag in bags}
+    places = {bag: _located(bag, folder, settings) or _place(bag, folder, settings) for bag in bags}
     missing = [bag for bag in bags if not _is_current(bag, places[bag], settings)]
     for bag in bags:
         if bag not in missing:
@@ -192,7 +194,7 @@ def _inode(folder: Path) -> int | None:
 
 
 def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
-    stat = _bag_stat(bag)
+    origin = (*_bag_stat(bag), content_of(bag))
     camera: CameraModel | None = None
     radars: tuple[str, ...] = ()
     notes: list[str] = []
@@ -218,7 +220,7 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
                 "stamps near the images'" + "".join(f"; of the scans {found}" for found in summary.sentences)
             )
         mapping = configuration.as_mapping(settings)
-        card = DriveCard(FORMAT_VERSION, str(bag), *stat, mapping, len(writer), camera, radars, tuple(notes), summary)
+        card = DriveCard(FORMAT_VERSION, str(bag), *origin, mapping, len(writer), camera, radars, tuple(notes), summary)
         writer.finish(card)
 
 
@@ -295,8 +297,9 @@ def _returns(
 
 
 def _place(bag: Path, folder: Path, settings: CacheSettings) -> Path:
+    """By content, so that a cache serves wherever its bag and itself are."""
     mapping = configuration.as_mapping(settings)
-    key = json.dumps([FORMAT_VERSION, str(bag.resolve()), mapping], sort_keys=True)
+    key = json.dumps([FORMAT_VERSION, content_of(bag), mapping], sort_keys=True)
     return folder / f"{bag.stem}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 
 
@@ -307,8 +310,25 @@ def _is_current(bag: Path, place: Path, settings: CacheSettings) -> bool:
         card = DriveCard.read(place / CARD)
     except TrainingError:
         return False
-    same_bag = (card.source_size, card.source_mtime_ns) == _bag_stat(bag)
-    return same_bag and card.version == FORMAT_VERSION and card.settings == configuration.as_mapping(settings)
+    if card.version != FORMAT_VERSION or card.settings != configuration.as_mapping(settings):
+        return False
+    return _is_where_it_was(bag, card) or card.source_sha256 == content_of(bag)
+
+
+def _is_where_it_was(bag: Path, card: DriveCard) -> bool:
+    return (card.source, card.source_size, card.source_mtime_ns) == (str(bag), *_bag_stat(bag))
+
+
+def _located(bag: Path, folder: Path, settings: CacheSettings) -> Path | None:
+    """The cache of a bag that has not changed since, found without reading the bag; None where there is none."""
+    _bag_stat(bag)  # a bag that is gone is told, whatever is cached
+    mapping = configuration.as_mapping(settings)
+    for place in sorted(folder.glob(f"{glob.escape(bag.stem)}-*")):
+        with suppress(TrainingError):
+            card = DriveCard.read(place / CARD)
+            if card.version == FORMAT_VERSION and card.settings == mapping and _is_where_it_was(bag, card):
+                return place
+    return None
 
 
 def _bag_stat(bag: Path) -> tuple[int, int]:

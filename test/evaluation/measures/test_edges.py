@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.evaluation.measures.edges import EDGE_RATIO, NEAR_PX, EdgeAccumulator, near_edges
-from radcam_depth_ros.evaluation.measures.metrics import RANGES, EvaluationError, measure
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
+from radcam_depth_ros.evaluation.measures.metrics import RANGES, measure
 
 NAN, SKY = np.nan, np.inf
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 from radcam_depth_ros.evaluation.measures.metrics import (
     BINS,
     MEASURES,
     DepthAccumulator,
     DepthRange,
-    EvaluationError,
     SemiDenseAccumulator,
     measure,
 )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.drive.published import published_depth
-from radcam_depth_ros.evaluation.measures.metrics import EvaluationError
+from radcam_depth_ros.evaluation.measures.errors import EvaluationError
 from radcam_depth_ros.evaluation.measures.protocols import PROTOCOLS, RANGES_M, PublishedMeans
 from radcam_depth_ros.frame import CameraModel
 

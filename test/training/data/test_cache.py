@@ -61,6 +61,26 @@ def test_a_cache_is_read_again_only_when_bag_or_settings_change(
     assert read_bags == [*bags, bags[1], *bags, *bags]
 
 
+def test_a_cache_serves_wherever_its_bag_and_itself_are(
+    tmp_path: Path, make_bags: Callable[[int], list[Path]], read_bags: list[Path]
+) -> None:
+    bags = make_bags(2)
+    cached_drives(bags, tmp_path / "cache", SETTINGS)
+    (tmp_path / "elsewhere").mkdir()
+    moved = [bag.rename(tmp_path / "elsewhere" / bag.name) for bag in bags]
+    os.utime(moved[0], ns=(1, 1))
+    (tmp_path / "cache").rename(tmp_path / "copied")
+    drives = cached_drives(moved, tmp_path / "copied", SETTINGS)
+    assert read_bags == bags
+    assert [len(drive) for drive in drives] == [6, 6]
+    # The same size at the same time, and yet another bag.
+    before = moved[1].stat()
+    moved[1].write_bytes(b"made UP")
+    os.utime(moved[1], ns=(before.st_mtime_ns + 1, before.st_mtime_ns + 1))
+    cached_drives(moved, tmp_path / "copied", SETTINGS)
+    assert read_bags == [*bags, moved[1]]
+
+
 def test_a_bag_that_fails_leaves_nothing_behind(
     tmp_path: Path, make_bags: Callable[[int], list[Path]], frames: Frames, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,1 @@
+"""Many drives on many machines: shards, results by content, merging, and the engines that run them."""

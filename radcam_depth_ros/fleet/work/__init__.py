@@ -1,0 +1,1 @@
+"""What is done with one drive: evaluate, replay, simulate it, or prepare its samples."""
