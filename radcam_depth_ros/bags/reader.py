@@ -155,12 +155,15 @@ class BagReader:
         while True:
             try:
                 item = next(stored, None)
+                if item is None:
+                    return
+                connection, log_time_ns, raw = item
+                if not 0 <= log_time_ns < 1 << 63:
+                    raise ValueError(f"a message was received at {log_time_ns} ns")
+                content = bytes(memoryview(raw))  # SQLite may hold a text or a number in place of bytes
             except Exception as error:  # a damaged file makes the parser raise nearly anything
                 raise self._unreadable(error) from error
-            if item is None:
-                return
-            connection, log_time_ns, raw = item
-            yield BagMessage(connection, log_time_ns, bytes(raw), self._type_of(connection))
+            yield BagMessage(connection, log_time_ns, content, self._type_of(connection))
 
     def _type_of(self, connection: Connection) -> MessageType | BagError:
         name = connection.msgtype

@@ -41,10 +41,12 @@ def survey(path: Path | str, progress: Callable[[int, int], None] | None = None)
     """
     with BagReader(path) as reader:
         roles = Roles.of(reader.topics)
-        recordings = {info.name: Recording(info, roles.role_of(info.name)) for info in reader.topics if info.count}
+        # Whatever the file says of their number, only topics with messages are reported.
+        known = {info.name: Recording(info, roles.role_of(info.name)) for info in reader.topics}
+        recordings: dict[str, Recording] = {}
         total = reader.count()
         for number, item in enumerate(reader.messages(), 1):
-            recordings[item.topic].add(item)
+            recordings.setdefault(item.topic, known[item.topic]).add(item)
             if progress is not None and (number == total or number % _PROGRESS_EVERY == 0):
                 progress(number, total)
         transforms, transform_problem = _read_transforms(reader, roles)

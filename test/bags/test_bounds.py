@@ -239,6 +239,14 @@ def test_a_message_of_a_sqlite_bag_is_bounded(tmp_path, monkeypatch):
             next(messages)
 
 
+@pytest.mark.parametrize("change", ["data = 'a text'", "data = 1000000000", "timestamp = -5"])
+def test_a_message_of_a_sqlite_bag_that_is_no_bytes_or_has_no_time_is_refused(tmp_path, change):
+    path = write_folder(tmp_path / "drive", StoragePlugin.SQLITE3, CompressionMode.NONE)
+    replace_messages(path / "drive.db3", f"UPDATE messages SET {change} WHERE timestamp = 1")
+    with BagReader(path) as bag, pytest.raises(BagError, match="damaged"):
+        list(bag.messages())
+
+
 @pytest.mark.parametrize(
     "statement",
     [

@@ -346,3 +346,16 @@ def test_an_intensity_that_is_likely_doppler_is_warned_of_and_suggested_as_a_com
     assert report.suggestion is not None
     (setting,) = [setting for setting in report.suggestion.settings if setting.name == "radar_fields"]
     assert (setting.value, setting.is_needed) == ("radial_speed=intensity rcs=", False)
+
+
+def test_topics_whose_messages_the_file_does_not_count_are_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listed = BagReader._list_topics
+
+    def uncounted(reader: BagReader) -> tuple[Any, ...]:
+        return tuple(dataclasses.replace(topic, count=0) for topic in listed(reader))
+
+    path = write_bag(tmp_path / "drive.mcap")
+    monkeypatch.setattr(BagReader, "_list_topics", uncounted)
+    assert {facts.topic for facts in survey(path).topics} >= {IMAGE, INFO, RADAR}

@@ -91,6 +91,7 @@ def read_card(text: str, source: str) -> Card:
         # Aliases would let a few lines stand for a billion values.
         has_aliases = any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text))
         mapping = None if has_aliases else yaml.safe_load(text)
+        repr(mapping)  # a number of 5000 digits in hexadecimal is read, and can be shown in no sentence
     except Exception:  # a date in month 99, a number of 5000 digits: the parser raises nearly anything
         mapping = None
     if not isinstance(mapping, dict):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import io
+import pickle  # nosec B403  # makes nothing but inert values, see `_Storages`
 import pickletools  # nosec B403  # lists a pickle's operations without running them
 import re
 import zipfile
@@ -32,6 +33,11 @@ _GLOBAL = re.compile(
     r"__torch__\.(?!torch\.)\w+(\.\w+)*|collections OrderedDict|torch \w+Storage|torch\._utils _rebuild_tensor_v2"
     r"|torch\.jit\._pickle build_\w+list"
 )
+_ITEM_BYTES = {
+    **{"FloatStorage": 4, "DoubleStorage": 8, "HalfStorage": 2, "BFloat16Storage": 2, "BoolStorage": 1},
+    **{"LongStorage": 8, "IntStorage": 4, "ShortStorage": 2, "CharStorage": 1, "ByteStorage": 1},
+}
+"""Bytes of a value in each kind of storage."""
 _NODES = (
     *(ast.Module, ast.ClassDef, ast.FunctionDef, ast.arguments, ast.arg, ast.Pass, ast.Assign, ast.AnnAssign),
     *(ast.If, ast.For, ast.While, ast.Expr, ast.Return, ast.Call, ast.keyword, ast.Attribute, ast.Name, ast.Constant),
@@ -63,6 +69,8 @@ def check_export(content: bytes) -> None:
             _check_code(data)
         elif name.endswith((".pkl", "_pkl")):
             _check_pickle(data)
+    for name in ("data", "constants"):
+        _check_storages(name, entries)
 
 
 def check_graph(module: torch.jit.ScriptModule) -> None:
@@ -127,6 +135,53 @@ def _check_pickle(data: bytes) -> None:
                 raise ExportError(f"one of its pickles has {opcode.name}")
     except ValueError as error:
         raise ExportError(f"one of its pickles cannot be read: {error}") from None
+
+
+class _Inert:
+    """What stands for everything that a pickle makes."""
+
+    def __init__(self, *arguments: object) -> None:
+        """Takes anything and keeps nothing."""
+
+    def __setstate__(self, state: object) -> None:
+        """Keeps nothing."""
+
+
+class _Storages(pickle.Unpickler):
+    """Reads the storages that a pickle names, and makes nothing of what it says.
+
+    Attributes:
+        sizes: Bytes of each storage, by its key.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(io.BytesIO(data))
+        self.sizes: dict[str, int] = {}
+
+    def find_class(self, module: str, name: str) -> Any:
+        """A storage's name, a dict for an ordered one, or what is inert."""
+        if module == "torch":
+            return name
+        return dict if (module, name) == ("collections", "OrderedDict") else _Inert
+
+    def persistent_load(self, pid: Any) -> _Inert:
+        """Takes note of a storage."""
+        _, kind, key, _, count = pid
+        self.sizes[str(key)] = _ITEM_BYTES[kind] * int(count)
+        return _Inert()
+
+
+def _check_storages(name: str, entries: dict[str, bytes]) -> None:
+    """Refuses a pickle whose tensors are longer than their entries: torch would read what is behind them."""
+    storages = _Storages(entries.get(f"{name}.pkl", pickle.dumps(None)))
+    try:
+        storages.load()
+    except Exception as error:  # what was changed in it makes the unpickler raise nearly anything
+        raise ExportError(f"its {name}.pkl cannot be read: {type(error).__name__}") from None
+    for key, size in storages.sizes.items():
+        found = len(entries.get(f"{name}/{key}", b""))
+        if found != size:
+            raise ExportError(f"its tensor {name}/{key} has {found} bytes in place of {size}")
 
 
 def _joined(argument: str) -> str:

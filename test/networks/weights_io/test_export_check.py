@@ -188,6 +188,16 @@ def test_pickles_that_make_anything_but_tensors(what: str, export: bytes) -> Non
         check_export(packed({**files, name: b"\x80\x02" + what.encode() + b"."}))
 
 
+@pytest.mark.parametrize("kept", [slice(0), slice(-1), slice(4)])
+def test_a_tensor_that_is_shorter_than_its_pickle_says(kept: slice, export: bytes) -> None:
+    def cut(files: dict[str, bytes]) -> dict[str, Any]:
+        name = max((name for name in files if "/constants/" in name), key=lambda name: len(files[name]))
+        return {**files, name: files[name][kept]}
+
+    with pytest.raises(ExportError, match=r"its tensor constants/\d+ has \d+ bytes in place of \d+"):
+        check_export(_with(cut)(export))
+
+
 def test_a_small_file_that_becomes_a_large_one() -> None:
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as file:
