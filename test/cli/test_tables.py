@@ -25,9 +25,9 @@ from radcam_depth_ros.benchmarking.machine import CONVOLUTION, MATRIX_PRODUCT, M
 from radcam_depth_ros.benchmarking.subject import Size
 from radcam_depth_ros.calibration.report import Fit, SensorReport
 from radcam_depth_ros.cli.check_calibration import _print_places
-from radcam_depth_ros.cli.evaluate import _print as print_evaluation
 from radcam_depth_ros.cli.networks import networks
 from radcam_depth_ros.cli.terminal import bench_tables, inspect_tables
+from radcam_depth_ros.cli.terminal.evaluation_tables import print_facts_and_tables as print_evaluation
 from radcam_depth_ros.inspection.report import (
     CameraFacts,
     CloudFacts,
