@@ -70,7 +70,8 @@ def _fit(xyz_m: FloatArray, values: DoubleArray) -> tuple[float, float]:
 
     Each trial takes the motion on the plane by two returns.
     """
-    sight = (xyz_m[:, :2] / np.linalg.norm(xyz_m, axis=1, keepdims=True)).astype(np.float64)
+    places = xyz_m.astype(np.float64)  # the square of a float32 may be none
+    sight = places[:, :2] / np.linalg.norm(places, axis=1, keepdims=True)
     first, second = np.random.default_rng(0).integers(0, len(values), (2, _TRIALS))
     across = sight[first, 0] * sight[second, 1] - sight[first, 1] * sight[second, 0]
     told = np.abs(across) > 0.05  # nearly one line of sight tells one component alone

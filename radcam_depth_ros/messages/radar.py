@@ -129,7 +129,7 @@ def _values(cloud: Cloud, *columns: Column | None) -> FloatArray:
     values = np.zeros((cloud.count, len(columns)), np.float32)
     for index, column in enumerate(columns):
         if column is not None:
-            with np.errstate(over="ignore"):
+            with np.errstate(over="ignore", invalid="ignore"):  # a NaN that signals, too
                 values[:, index] = cloud.floats(column.field) * np.float32(column.scale)
     return values
 

@@ -406,3 +406,10 @@ def test_of_very_many_returns_the_nearest_are_kept_in_their_order():
     np.testing.assert_array_equal(np.sort(reading.returns.xyz_m[:, 0]), nearest)
     kept = x[np.isin(x, nearest)]
     np.testing.assert_array_equal(reading.returns.xyz_m[:, 0], kept)
+
+
+def test_a_nan_that_signals_is_no_value_and_no_warning() -> None:
+    x = np.array([0x7FA00000, 0x41200000], np.uint32).view(np.float32)
+    cloud = encode_points(factory, {"x": x, "y": np.zeros(2, np.float32), "z": np.zeros(2, np.float32)}, 0, "radar")
+    with np.errstate(invalid="raise"):
+        assert np.isnan(decode_radar(cloud).xyz_m[0, 0]) or len(decode_radar(cloud).xyz_m) == 1
