@@ -150,13 +150,16 @@ class _Inert:
 class _Storages(pickle.Unpickler):
     """Reads the storages that a pickle names, and makes nothing of what it says.
 
-    Attributes:
-        sizes: Bytes of each storage, by its key.
+    Each time that it names one, its size is compared: torch takes the first one's, whatever follows.
+
+    Args:
+        name: Of the pickle, without its suffix; its tensors are in the folder of that name.
+        entries: All entries of the archive.
     """
 
-    def __init__(self, data: bytes) -> None:
-        super().__init__(io.BytesIO(data))
-        self.sizes: dict[str, int] = {}
+    def __init__(self, name: str, entries: dict[str, bytes]) -> None:
+        super().__init__(io.BytesIO(entries.get(f"{name}.pkl", pickle.dumps(None))))
+        self._name, self._entries = name, entries
 
     def find_class(self, module: str, name: str) -> Any:
         """A storage's name, a dict for an ordered one, or what is inert."""
@@ -165,23 +168,23 @@ class _Storages(pickle.Unpickler):
         return dict if (module, name) == ("collections", "OrderedDict") else _Inert
 
     def persistent_load(self, pid: Any) -> _Inert:
-        """Takes note of a storage."""
+        """Refuses a storage that is longer or shorter than its entry, by an ExportError."""
         _, kind, key, _, count = pid
-        self.sizes[str(key)] = _ITEM_BYTES[kind] * int(count)
+        entry, size = f"{self._name}/{key}", _ITEM_BYTES[kind] * int(count)
+        found = len(self._entries.get(entry, b""))
+        if found != size:
+            raise ExportError(f"its tensor {entry} has {found} bytes in place of {size}")
         return _Inert()
 
 
 def _check_storages(name: str, entries: dict[str, bytes]) -> None:
     """Refuses a pickle whose tensors are longer than their entries: torch would read what is behind them."""
-    storages = _Storages(entries.get(f"{name}.pkl", pickle.dumps(None)))
     try:
-        storages.load()
+        _Storages(name, entries).load()
+    except ExportError:
+        raise
     except Exception as error:  # what was changed in it makes the unpickler raise nearly anything
         raise ExportError(f"its {name}.pkl cannot be read: {type(error).__name__}") from None
-    for key, size in storages.sizes.items():
-        found = len(entries.get(f"{name}/{key}", b""))
-        if found != size:
-            raise ExportError(f"its tensor {name}/{key} has {found} bytes in place of {size}")
 
 
 def _joined(argument: str) -> str:

@@ -198,6 +198,21 @@ def test_a_tensor_that_is_shorter_than_its_pickle_says(kept: slice, export: byte
         check_export(_with(cut)(export))
 
 
+@pytest.mark.parametrize("counts", [(2**29, 3), (3, 2**29), (2, 3)])
+def test_a_tensor_that_is_named_twice_with_other_lengths(counts: tuple[int, int], export: bytes) -> None:
+    def storage(count: int) -> bytes:
+        length = b"J" + count.to_bytes(4, "little")
+        return b"(X\x07\x00\x00\x00storagectorch\nFloatStorage\nX\x01\x00\x00\x000X\x03\x00\x00\x00cpu" + length + b"tQ"
+
+    def named_twice(files: dict[str, bytes]) -> dict[str, Any]:
+        folder = next(iter(files)).partition("/")[0]
+        twice = b"\x80\x02(" + storage(counts[0]) + storage(counts[1]) + b"t."
+        return {**files, f"{folder}/constants.pkl": twice, f"{folder}/constants/0": bytes(12)}
+
+    with pytest.raises(ExportError, match="its tensor constants/0 has 12 bytes in place of"):
+        check_export(_with(named_twice)(export))
+
+
 def test_a_small_file_that_becomes_a_large_one() -> None:
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as file:
