@@ -141,7 +141,9 @@ class Place:
 
     def left(self) -> list[str]:
         """Names of what is in the outputs."""
-        return sorted(str(path.relative_to(self.outputs)) for path in self.outputs.rglob("*"))
+        # Unlike rglob, walk goes on where a verb removes a folder meanwhile.
+        found = (Path(folder, name) for folder, folders, files in os.walk(self.outputs) for name in (*folders, *files))
+        return sorted(str(path.relative_to(self.outputs)) for path in found)
 
     def _tree(self) -> dict[str, str]:
         """Everything but outputs, caches and what was printed: kind, size and hash of each."""
