@@ -41,16 +41,16 @@ def survey(path: Path | str, progress: Callable[[int, int], None] | None = None)
     """
     with BagReader(path) as reader:
         roles = Roles.of(reader.topics)
-        # Whatever the file says of their number, only topics with messages are reported.
-        known = {info.name: Recording(info, roles.role_of(info.name)) for info in reader.topics}
-        recordings: dict[str, Recording] = {}
+        recordings = {info.name: Recording(info, roles.role_of(info.name)) for info in reader.topics}
         total = reader.count()
         for number, item in enumerate(reader.messages(), 1):
-            recordings.setdefault(item.topic, known[item.topic]).add(item)
+            recordings[item.topic].add(item)
             if progress is not None and (number == total or number % _PROGRESS_EVERY == 0):
                 progress(number, total)
         transforms, transform_problem = _read_transforms(reader, roles)
         seconds = reader.duration_ns / 1e9
+    # Whatever the file says of their number, only topics with messages are reported.
+    recordings = {name: entry for name, entry in recordings.items() if entry.logs_ns}
     topics = tuple(recordings[name].topic_facts() for name in sorted(recordings))
     images = tuple(entry.image_facts() for entry in recordings.values() if entry.info.type_name in IMAGE_TYPES)
     cameras = tuple(entry.camera_facts() for entry in recordings.values() if entry.info.type_name in CAMERA_INFO_TYPES)
