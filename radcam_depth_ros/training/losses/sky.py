@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from radcam_depth_ros.classes import CLASS_NAMES, WIRE
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
@@ -13,12 +14,18 @@ from radcam_depth_ros.training.losses.masked import ALONE, masked_mean
 SKY_CLASS = 10
 """Training id of the sky."""
 
-SURFACE_WEIGHT = 2.0
-"""A lost surface is worse than a wall in the sky."""
+THIN_CLASSES = (*(CLASS_NAMES.index(name) for name in ("pole", "traffic light", "traffic sign")), WIRE)
+THIN_WEIGHT = 6.0
+"""A thin thing before the sky has few pixels, and is lost first."""
+
+WIRE_WEIGHT = 12.0
+"""A wire has fewer still."""
 
 
 def sky_probability_loss(logit: Tensor, truth_m: Tensor, classes: Tensor, ranks: Ranks = ALONE) -> Tensor:
-    """Binary cross entropy of the sky, in which a surface counts `SURFACE_WEIGHT` times.
+    """Binary cross entropy of the sky, in which thin things count `THIN_WEIGHT` times and wires `WIRE_WEIGHT` times.
+
+    A cell of the logit that holds a pixel of a wire is the wire's: a wire is thinner than a cell.
 
     A sample without classes and without any sky in its truth is a LiDAR's, which never sees the sky: it does not count,
     or a network that learns from such samples alone would forget the sky.
@@ -31,8 +38,11 @@ def sky_probability_loss(logit: Tensor, truth_m: Tensor, classes: Tensor, ranks:
     """
     stride = truth_m.shape[2] // logit.shape[2]
     truth, label = truth_m[:, :, ::stride, ::stride], classes[:, None, ::stride, ::stride]
-    unknown = torch.isnan(truth)
-    sky = torch.isinf(truth) | (unknown & (label == SKY_CLASS))
+    wire = functional.max_pool2d((classes[:, None] == WIRE).float(), stride) > 0
+    unknown = torch.isnan(truth) & ~wire
+    sky = (torch.isinf(truth) | (unknown & (label == SKY_CLASS))) & ~wire
     told = (sky | (label != UNKNOWN_CLASS)).flatten(1).any(dim=1).reshape(-1, 1, 1, 1)
+    thin = torch.isin(label, label.new_tensor(THIN_CLASSES))
+    surface = torch.where(wire, WIRE_WEIGHT, torch.where(thin, THIN_WEIGHT, 1.0))
     entropy = functional.binary_cross_entropy_with_logits(logit.float(), sky.float(), reduction="none")
-    return masked_mean(entropy, torch.where(sky, 1.0, SURFACE_WEIGHT * ~unknown) * told, ranks)
+    return masked_mean(entropy, torch.where(sky, 1.0, surface * ~unknown) * told, ranks)

@@ -315,11 +315,23 @@ def test_wrong_weights_are_refused(wrong: dict[str, float]) -> None:
         replace(LOSS, **wrong)
 
 
-def test_a_lost_surface_costs_twice_a_wall_in_the_sky() -> None:
+@pytest.mark.parametrize(("label", "weight"), [(2, 1), (5, 6), (6, 6), (7, 6), (254, 12)])
+def test_thin_things_count_more_before_the_sky(label: int, weight: int) -> None:
     truth = torch.tensor([[[[INF, 10.0], [NAN, INF]]]]).repeat_interleave(2, 2).repeat_interleave(2, 3)
     logit = torch.tensor([[[[2.0, 2.0], [9.0, -1.0]]]])
-    expected = (entropy(2.0, True) + 2 * entropy(2.0, False) + entropy(-1.0, True)) / 4
+    expected = (entropy(2.0, True) + weight * entropy(2.0, False) + entropy(-1.0, True)) / (3 + weight - 1)
     classes = torch.full((1, 4, 4), 2, dtype=torch.uint8)
+    classes[:, :2, 2:] = label
+    assert float(sky_probability_loss(logit, truth, classes)) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_cell_that_holds_a_pixel_of_a_wire_is_the_wires() -> None:
+    truth = torch.full((1, 1, 4, 4), INF)
+    truth[0, 0, 1, 1] = 30.0
+    classes = torch.full((1, 4, 4), 10, dtype=torch.uint8)
+    classes[0, 1, 1] = 254
+    expected = (12 * entropy(2.0, False) + 3 * entropy(2.0, True)) / 15
+    logit = torch.full((1, 1, 2, 2), 2.0)
     assert float(sky_probability_loss(logit, truth, classes)) == pytest.approx(expected, rel=1e-6)
 
 
@@ -328,7 +340,7 @@ def test_a_scan_which_never_sees_the_sky_says_nothing_about_it() -> None:
     logit = torch.full((1, 1, 2, 2), 3.0)
     assert float(sky_probability_loss(logit, scan, unknown)) == 0
     labelled = torch.tensor([[[2, 10], [255, 2]]], dtype=torch.uint8)
-    expected = (2 * 2 * entropy(3.0, False) + entropy(3.0, True)) / 5
+    expected = (2 * entropy(3.0, False) + entropy(3.0, True)) / 3
     assert float(sky_probability_loss(logit, scan, labelled)) == pytest.approx(expected, rel=1e-6)
 
 
