@@ -16,7 +16,7 @@ from typing import Any
 
 from radcam_depth_ros.bags import BagMessage, BagReader, BagWriter, factory
 from radcam_depth_ros.bags.topics import SensorTopics
-from radcam_depth_ros.drive import DriveSettings, DriveWarning, motion_topics, prime, unmoved
+from radcam_depth_ros.drive import DriveSettings, DriveWarning, motion_topics, prime, remarks
 from radcam_depth_ros.encoder import OUTPUTS, Encoder, OutputConfig, Replayed
 from radcam_depth_ros.estimator import Estimator, NetworkInputs
 from radcam_depth_ros.frame import Frame, RadcamDepthError
@@ -127,8 +127,8 @@ def replay(
     for topic, count in frame_builder.unstamped_sweeps.items():
         if count > 1:
             warnings.warn(f"{source}: {unset_stamps(topic, is_radar=True)}", DriveWarning, stacklevel=2)
-    if frame_builder.unmoved_frames:
-        warnings.warn(f"{source}: {unmoved(frame_builder, line.done)}", DriveWarning, stacklevel=2)
+    for sentence in remarks(frame_builder, line.done):
+        warnings.warn(f"{source}: {sentence}", DriveWarning, stacklevel=2)
     return ReplaySummary(topics, images, line.written, line.without_radar)
 
 

@@ -10,6 +10,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,8 @@ _IMPOSSIBLE = (0, 10, 30, 60, 97, 255)
 """Transitions that nobody may ask for, by id; those that shut the node down are left out."""
 _NUMBERS = (0, 1, -1, 2, 100, 2**31, 2**63 - 1, -(2**63))
 _FLOATS = (0.0, 1.0, -1.0, 0.05, 1e300, float("nan"), float("inf"), 50.0)
-_TEXTS = ("", "x", "/image", "hold", "16UC1", "\x1b[2J", "a" * 100_000, "../../etc/passwd", "turbo", "{", "\ud7ff")
+_LARGE_TEXT = "a" * 100_000
+_TEXTS = ("", "x", "/image", "hold", "16UC1", "\x1b[2J", _LARGE_TEXT, "../../etc/passwd", "turbo", "{", "\ud7ff")
 _NAMES = ("", "no_such", "x" * 5000, "\x1b[2J", "qos_overrides./tf.subscription.depth", "a.b", "use_sim_time")
 
 
@@ -79,6 +81,7 @@ class RequestAttack:
         problems = self.good()
         if problems:
             raise RuntimeError(f"the node gives no depth before any request: {'; '.join(problems)}")
+        self._send_large_requests()
 
     @staticmethod
     def longest_ms(folder: Path) -> dict[str, float]:
@@ -123,6 +126,14 @@ class RequestAttack:
         """Ends the node."""
         self._clients.close()
         self._process.__exit__(None, None, None)
+
+    def _send_large_requests(self) -> None:
+        """Has the node keep the buffers that large requests need, before its memory is watched."""
+        from rclpy.parameter import Parameter
+
+        given = [("no_such", Parameter("no_such", Parameter.Type.STRING_ARRAY, [_LARGE_TEXT] * 300))]
+        for service in ("set_parameters", "set_parameters_atomically"):
+            self._clients.ask([(service, partial(Clients.setting, service=service, given=given))] * 2)
 
     def _request(self, rng: random.Random) -> tuple[str, Callable[[Any], Any]]:
         """What is asked, and the call that makes the request of a service's class."""

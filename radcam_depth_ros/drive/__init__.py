@@ -5,7 +5,7 @@ LiDAR scan nearest to the image, or many scans before and after it. Scans are mo
 tells how the vehicle moved.
 """
 
-from radcam_depth_ros.drive.reading import motion_topics, prime, read_samples, unmoved
+from radcam_depth_ros.drive.reading import motion_topics, prime, read_samples, remarks
 from radcam_depth_ros.drive.sample import Sample
 from radcam_depth_ros.drive.scan_use import ScanSummary, ScanUse
 from radcam_depth_ros.drive.settings import (
@@ -32,5 +32,5 @@ __all__ = [
     "motion_topics",
     "prime",
     "read_samples",
-    "unmoved",
+    "remarks",
 ]

@@ -46,9 +46,16 @@ def motion_topics(topics: SensorTopics, config: FrameBuilderConfig) -> dict[str,
     return {**odometry, **({topics.tf: "/tf"} if topics.tf else {})}
 
 
-def unmoved(frame_builder: FrameBuilder, frames: int) -> str:
-    """A sentence on the frames whose radar returns could not be moved to their images' time."""
-    return f"in {frame_builder.unmoved_frames} of {frames} frames {frame_builder.last_motion_problem}"
+def remarks(frame_builder: FrameBuilder, frames: int) -> tuple[str, ...]:
+    """What a bag's frames lack, a sentence each.
+
+    These are intensities that were taken for the RCS and are likely the Doppler speed, and radar returns that could not
+    be moved to their images' time.
+    """
+    doubts = [contents.doubt(topic) for topic, contents in frame_builder.contents.items()]
+    if frame_builder.unmoved_frames:
+        doubts.append(f"in {frame_builder.unmoved_frames} of {frames} frames {frame_builder.last_motion_problem}")
+    return tuple(filter(None, doubts))
 
 
 def read_samples(
@@ -96,8 +103,8 @@ def read_samples(
         for frame in waiting:
             yield fit.counted(truth.sample(frame))
         fit.check(warn)
-        if frame_builder.unmoved_frames:
-            warn(unmoved(frame_builder, fit.frames))
+        for sentence in remarks(frame_builder, fit.frames):
+            warn(sentence)
 
 
 def _warn_of(path: Path | str, sentence: str) -> None:

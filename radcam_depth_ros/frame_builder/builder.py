@@ -16,6 +16,7 @@ from radcam_depth_ros.geometry import GeometryError, RigidTransform, TransformTr
 from radcam_depth_ros.messages import (
     Calibration,
     ImageReading,
+    RadarContents,
     RadarReading,
     decode_image,
     decode_radar,
@@ -61,6 +62,10 @@ class FrameBuilder:
         self.dropped_returns = dict.fromkeys(config.radars, 0)
         self.thinned_returns = dict.fromkeys(config.radars, 0)
         self.unstamped_sweeps = dict.fromkeys(config.radars, 0)
+        self.contents = {
+            topic: RadarContents(names) for topic, names in zip(config.radars, config.field_aliases(), strict=True)
+        }
+        """What the sweeps of each radar have."""
         self.unmoved_frames = 0
         self.motion_problem = self.last_motion_problem = ""
         self._motion = self._new_motion("") if config.moves_radar and config.odometry else None
@@ -160,6 +165,7 @@ class FrameBuilder:
         if topic in self.config.radars:
             sweep: RadarReading = content
             self._sensor_frames[topic] = sweep.frame_id
+            self.contents[topic].add(sweep.returns, sweep.fields)
             self.dropped_returns[topic], self.thinned_returns[topic] = sweep.dropped, sweep.thinned
             sweep_ns = self.config.sweep_ns(topic, sweep.stamp_ns, now_ns if arrived_ns is None else arrived_ns)
             self.unstamped_sweeps[topic] += sweep_ns == 0

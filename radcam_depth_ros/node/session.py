@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 
 from radcam_depth_ros.frame import Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilderError
-from radcam_depth_ros.messages import MOST_RETURNS, RadarContents
+from radcam_depth_ros.messages import MOST_RETURNS
 from radcam_depth_ros.node.arrival import ArrivalClock
 from radcam_depth_ros.node.health import SECOND_NS, Level, Problems, Rate
 from radcam_depth_ros.node.latency import FrameTimes, Latencies, LatencyTopics
@@ -93,9 +93,6 @@ class Session:
         self.stamps = {source.part: SensorStamps() for source in (inputs.camera, *inputs.radars)}
         self.stamp_offsets = {radar.part: StampOffset() for radar in inputs.radars}
         """Of each radar, as it is stamped: without `radar_time_offset_s`."""
-        aliases = self.frame_builder.config.field_aliases()
-        self.contents = {radar.part: RadarContents(names) for radar, names in zip(inputs.radars, aliases, strict=True)}
-        """What the sweeps of each radar have."""
         self.frames_in = self.frames_failed = self.images_unusable = self.frames_suppressed = 0
         self.frames_out = Rate()
         self.latencies = Latencies()
@@ -224,7 +221,6 @@ class Session:
             sweep_ns = config.sweep_ns(source.topic, _stamp_ns(message), self._arrived_ns(reading))
             self.stamps[source.part].add(sweep_ns, arrived_ns)
             self.stamp_offsets[source.part].add(sweep_ns, arrived_ns, self.stamps[self.inputs.camera.part])
-            self.contents[source.part].add(reading.content.returns, reading.content.fields)
         has_frame = message.header.frame_id or config.camera_frame if source is self.inputs.camera else True
         # Where the extrinsics come from /tf_static, no frame can be made at all and the pipeline says so.
         if not has_frame and config.camera_from_radar:

@@ -63,7 +63,7 @@ class Vitals:
 
     def _sensor(self, source: Input, silent_level: Level) -> Status:
         session = self._session
-        rate, contents = session.rates[source.part], session.contents.get(source.part)
+        rate, contents = session.rates[source.part], session.frame_builder.contents.get(source.topic)
         values: Values = (
             ("topic", source.topic),
             ("type", source.type_name),
