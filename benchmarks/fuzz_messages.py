@@ -25,6 +25,7 @@ from radcam_depth_ros.bags.definitions import MessageType
 from radcam_depth_ros.frame import CameraModel, ImageArray
 from radcam_depth_ros.geometry import RigidTransform
 from radcam_depth_ros.messages import (
+    SCAN_FIELDS,
     OdometryReading,
     StampedTransform,
     encode_camera_info,
@@ -129,7 +130,7 @@ def _stamp(stamp_ns: int) -> Any:
 def bad(rng: random.Random, stamp_ns: int) -> list[Sent]:
     """Messages of one kind, most of them wrong in one way or another."""
     make = rng.choices(
-        (_mutated, _cloud, _image, _compressed, _other_camera, _links, _unchanged), (6, 4, 3, 3, 1, 1, 5)
+        (_mutated, _cloud, _scan, _image, _compressed, _other_camera, _links, _unchanged), (6, 4, 2, 3, 3, 1, 1, 5)
     )[0]
     return make(rng, stamp_ns)
 
@@ -269,6 +270,20 @@ def _cloud(rng: random.Random, stamp_ns: int) -> list[Sent]:
         is_dense=rng.random() < 0.5,
     )
     return [Sent(_lie(rng, "PointCloud2", message, TYPES[RADAR]), RADAR, message)]
+
+
+def _scan(rng: random.Random, stamp_ns: int) -> list[Sent]:
+    """A RadarScan, in degrees or with any values, with none or very many returns."""
+    unit = rng.choice((1.0, 1.0, 180 / math.pi))
+    limits = {"range": (0, 90), "azimuth": (-unit, unit), "elevation": (-0.2 * unit, 0.2 * unit)}
+    returns = []
+    for _ in range(rng.choice((0, 1, 5, 60, 60, 3000))):
+        values = {name: rng.uniform(*limits.get(name, (-20, 20))) for name in SCAN_FIELDS}
+        if rng.random() < 0.1:
+            values[rng.choice(SCAN_FIELDS)] = struct.unpack("f", rng.randbytes(4))[0]
+        returns.append(SimpleNamespace(**values))
+    message = SimpleNamespace(header=_header(rng, stamp_ns, "radar"), returns=returns)
+    return [Sent("RadarScan", RADAR, message)]
 
 
 def _image(rng: random.Random, stamp_ns: int) -> list[Sent]:

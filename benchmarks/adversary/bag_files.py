@@ -247,6 +247,8 @@ def _hostile_messages(rng: random.Random, good: tuple[Written, ...], folder: Pat
             type_name = TYPES[sent.topic]
             if sent.kind.startswith("CompressedImage"):
                 type_name = "sensor_msgs/msg/CompressedImage"
+            elif sent.kind == "RadarScan":
+                type_name = "radar_msgs/msg/RadarScan"
             with suppress(RadcamDepthError):  # what cannot be written reaches nobody
                 raw = bytes(MessageType.jazzy(type_name).serialise(sent.message, sent.topic))
                 if rng.random() < 0.2:
