@@ -182,11 +182,16 @@ def foreign(path: Path) -> str:
     return str(path / "other.pt")
 
 
+def another_model(path: Path) -> str:
+    (path / "other.onnx").write_bytes(b"\x08\x09")
+    return str(path / "other.onnx")
+
+
 def absent(path: Path) -> str:
     return str(path / "nothing.safetensors")
 
 
-@pytest.mark.parametrize("write", [corrupt, foreign, absent])
+@pytest.mark.parametrize("write", [corrupt, foreign, another_model, absent])
 def test_a_weight_file_that_cannot_be_loaded(
     start: Callable[..., Any], make_estimator: Callable[..., Any], tmp_path: Path, write: Callable[[Path], str]
 ) -> None:
