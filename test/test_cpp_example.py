@@ -59,7 +59,7 @@ def test_its_depth_is_the_engines(program: Path, small_weights: Path, tmp_path: 
     expected = Engine(loaded.network, precision="float32").run(torch.from_numpy(padded), radar, ground).dense
     np.testing.assert_allclose(read_pfm(files[-1]), expected[0, 0, :HEIGHT, :WIDTH].numpy(), atol=1e-3)
     # The road unknown, and no returns.
-    files[2].write_text("", encoding="ascii")
+    files[2].write_bytes(b"")
     subprocess.run([program, *files], check=True)
     unknown = torch.full((4,), nan)
     expected = Engine(loaded.network, precision="float32").run(torch.from_numpy(padded), radar[:0], unknown).dense

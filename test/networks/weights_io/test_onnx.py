@@ -113,7 +113,7 @@ def test_the_estimator_gives_the_depth_of_the_weights(given: Archive, exported: 
     frame = Frame(0, "camera", image, camera, RadarReturns.from_points([[0.0, 0.0, 20.0]]))
     estimator = Estimator(EstimatorConfig(model_file=str(exported), allow_exported=True, threads=1))
     found, expected = estimator.estimate(frame), Estimator(EstimatorConfig(precision="float32"), given).estimate(frame)
-    np.testing.assert_allclose(found.dense_m, expected.dense_m, atol=1e-3)
+    np.testing.assert_allclose(found.dense, expected.dense, atol=1e-3)
     assert "onnxruntime" in estimator.describe()
     assert len(estimator.computation.weights_sha256) == 64
 
@@ -249,6 +249,11 @@ def _short_tensor(model: Any) -> None:
     tensor.raw_data = tensor.raw_data[:-4]
 
 
+def _other_channels(model: Any) -> None:
+    tensor = next(tensor for tensor in model.graph.initializer if tensor.dims[:] == [8, 3, 3, 3])
+    tensor.dims[:] = [8, 9, 3, 1]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -262,6 +267,7 @@ def _short_tensor(model: Any) -> None:
         (_fewer_outputs, "its outputs are"),
         (_branch, "has a graph of its own"),
         (_dangling, "it is no valid model"),
+        (_short_tensor, "it is no valid model"),
         (_no_card, "another model"),
     ],
 )
@@ -272,9 +278,16 @@ def test_what_is_not_as_exports_are_is_refused(
         archive.load(changed(exported, change, tmp_path / "hostile.onnx"))
 
 
-def test_what_onnxruntime_refuses_is_told(exported: Path, tmp_path: Path) -> None:
-    loaded = archive.load(changed(exported, _short_tensor, tmp_path / "short.onnx"))
-    with pytest.raises(EngineError, match="onnxruntime cannot run the ONNX file on cpu: .*radcam-depth export"):
+def test_what_onnxruntime_refuses_is_told(exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded = archive.load(changed(exported, _other_channels, tmp_path / "other.onnx"))
+    with pytest.raises(EngineError, match=r"onnxruntime (cannot run|failed).* on cpu: .*"):
+        Engine(loaded.network, threads=1).run(*onnx_export.made_up_frame(HEIGHT, WIDTH, 3))
+
+    def refuse(*_: object) -> None:
+        raise RuntimeError("no such operator\nand more")
+
+    monkeypatch.setattr("radcam_depth_ros.engine.onnx_calls.open_session", refuse)
+    with pytest.raises(EngineError, match=r"cannot run the ONNX file on cpu: no such operator; .*radcam-depth export"):
         Engine(loaded.network, threads=1)
 
 
