@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import torch
 
-from radcam_depth_ros.engine import PRECISIONS, Engine, apart
+from radcam_depth_ros.engine import PRECISIONS, RUNTIMES, Engine, apart
 from radcam_depth_ros.frame import (
     CameraModel,
     DepthResult,
@@ -40,7 +40,7 @@ class EstimatorConfig:
     network: str = setting("baff", "Network whose weights come with the package.")
     model_file: str = setting(
         "",
-        "Weight file in place of the network's own. It is a .safetensors file, or a .pt file "
+        "Weight file in place of the network's own. It is a .safetensors file, or a .pt or .onnx file "
         "of radcam-depth export, for which allow_exported must be true.",
     )
     allow_exported: bool = setting(
@@ -57,6 +57,12 @@ class EstimatorConfig:
         "Number format of the network. auto takes the environment variable RADCAM_DEPTH_PRECISION, else what suits the "
         "processor; the log and the diagnostics say which format it is, and why.",
         choices=PRECISIONS,
+    )
+    runtime: str = setting(
+        "auto",
+        "What onnxruntime runs an .onnx file on. auto takes cuda where device is cuda, else cpu; tensorrt leaves to "
+        "CUDA what TensorRT cannot do. Other weights need auto.",
+        choices=RUNTIMES,
     )
     threads: int = setting(
         0, "CPU threads of the network. 0 takes as many as other work on the computer leaves cores.", 0, 256
@@ -145,7 +151,7 @@ def radar_columns(radar: RadarReturns, camera: CameraModel, max_depth_m: float) 
 def _load(config: EstimatorConfig, loaded: Archive | None) -> tuple[Card, Engine, str]:
     name = config.model_file or config.network
     source = loaded or archive.load(name, allow_exported=config.allow_exported, trusted=config.trusted_models)
-    engine = Engine(source.network, config.device, config.precision, threads=config.threads)
+    engine = Engine(source.network, config.device, config.precision, threads=config.threads, runtime=config.runtime)
     return source.card, engine, source.file_sha256
 
 
@@ -201,6 +207,11 @@ class Estimator:
     def tells_classes(self) -> bool:
         """Whether the network gives a class image."""
         return self.card.tells_classes
+
+    @property
+    def only_size(self) -> tuple[int, int] | None:
+        """Height and width of the only image that the network takes; None of one that takes any."""
+        return self._engine.only_size
 
     def plan(self, camera: CameraModel) -> CanonicalCamera:
         """How images of a camera are brought to the network; GeometryError when they cannot be."""

@@ -11,8 +11,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import yaml
+
 from benchmarks.adversary import export_files
 from benchmarks.adversary.good_files import INTEGERS, GoodFiles, Hostile, mutated, packed
+from radcam_depth_ros.networks.weights_io import onnx_file
 from radcam_depth_ros.networks.weights_io.archive import Card
 from radcam_depth_ros.networks.weights_io.card import card_text
 
@@ -140,7 +143,7 @@ def _json(rng: random.Random, good: GoodFiles) -> Hostile:
     return Hostile("weights: JSON", _laid_out(text, good.data), ".safetensors")
 
 
-# ONNX, which the package does not read, with tensors in a file elsewhere.
+# ONNX with tensors in a file elsewhere, with and without the card and the SHA-256 of an export.
 
 
 def _field(number: int, content: bytes) -> bytes:
@@ -160,6 +163,9 @@ def _onnx(rng: random.Random, good: GoodFiles) -> Hostile:
     content = b"\x08\x09" + _field(7, graph) + _field(8, b"\x10\x11")
     if rng.random() < 0.5:
         content = mutated(rng, content)[1]
+    if rng.random() < 0.5:
+        card = _field(1, onnx_file.CARD_KEY.encode()) + _field(2, yaml.safe_dump(good.card).encode())
+        content = onnx_file.seal(content + _field(14, card))
     suffix = rng.choice((".onnx", ".pt", ".safetensors", ""))
     return Hostile("ONNX with external data", content, suffix, beside=(("weights.bin", bytes(64)),))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,7 @@ from radcam_depth_ros.engine.calls import forward
 from radcam_depth_ros.networks.layers.number_formats import convert
 from radcam_depth_ros.networks.weights_io import torchscript
 from radcam_depth_ros.networks.weights_io.folding import folded
+from radcam_depth_ros.networks.weights_io.onnx_file import OnnxNetwork
 
 GFLOP_COUNTING = (
     "2 operations a multiply-add, of convolutions, matrix products and attention only, counted by "
@@ -47,7 +49,7 @@ class Anatomy:
     """A network in pieces.
 
     Attributes:
-        gflop: Operations of the whole, in billions.
+        gflop: Operations of the whole, in billions; NaN of an ONNX file, which torch cannot count.
         sections: In order of execution.
     """
 
@@ -64,6 +66,8 @@ def dissect(running: Running, inputs: NetworkInputs, only: str = "") -> Anatomy:
         only: Name of the section to take out; empty for all.
     """
     subject, loaded = running.resolved, running.loaded
+    if isinstance(loaded.network, OnnxNetwork):
+        return Anatomy(math.nan, ())
     wanted = [(name, path) for name, path in loaded.sections if only in ("", name)]
     eager = _eager(loaded.network, subject)
     captured: dict[str, tuple[Any, ...]] = {}
@@ -84,8 +88,10 @@ def dissect(running: Running, inputs: NetworkInputs, only: str = "") -> Anatomy:
 
 
 def count_gflop(running: Running, inputs: NetworkInputs) -> float:
-    """Operations of the whole network, in billions; see `GFLOP_COUNTING`."""
+    """Operations of the whole network, in billions; see `GFLOP_COUNTING`. NaN of an ONNX file."""
     subject, counter = running.resolved, _flop_counter()
+    if isinstance(running.loaded.network, OnnxNetwork):
+        return math.nan
     eager = _eager(running.loaded.network, subject)
     with counter:
         _run(eager, subject, inputs)

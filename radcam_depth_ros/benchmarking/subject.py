@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from radcam_depth_ros.engine import MODES, PRECISIONS, Engine
+from radcam_depth_ros.engine import MODES, PRECISIONS, RUNTIMES, Engine
 from radcam_depth_ros.estimator import Estimator, EstimatorConfig
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.geometry import NETWORK_MULTIPLE
@@ -69,6 +69,7 @@ class Subject:
         precision: `auto`, `float32` or `bfloat16`, as the engine takes it.
         mode: `frozen` or `eager`, as the engine takes it.
         device: `cpu`, or `cuda` and so on.
+        runtime: What onnxruntime runs an ONNX file on, as the engine takes it.
         threads: CPU threads; 0 as the engine takes it.
     """
 
@@ -78,10 +79,16 @@ class Subject:
     precision: str = "auto"
     mode: str = "frozen"
     device: str = "cpu"
+    runtime: str = "auto"
     threads: int = 0
 
     def __post_init__(self) -> None:
-        for name, value, known in (("precision", self.precision, PRECISIONS), ("mode", self.mode, MODES)):
+        choices = (
+            ("precision", self.precision, PRECISIONS),
+            ("mode", self.mode, MODES),
+            ("runtime", self.runtime, RUNTIMES),
+        )
+        for name, value, known in choices:
             if value not in known:
                 raise BenchmarkError(f"{name} must be one of {', '.join(known)}, got {value!r}")
         if self.threads < 0:
@@ -163,7 +170,9 @@ class Running:
     def start(cls, subject: Subject) -> Running:
         """Loads a subject; errors as `Subject.load`."""
         loaded = subject.load()
-        engine = Engine(loaded.network, subject.device, subject.precision, subject.mode, subject.threads)
+        engine = Engine(
+            loaded.network, subject.device, subject.precision, subject.mode, subject.threads, subject.runtime
+        )
         return cls(subject, loaded, engine)
 
     @property
@@ -179,7 +188,8 @@ class Running:
     def estimator(self) -> Estimator:
         """An estimator with the same network and precision."""
         subject = self.resolved
-        return Estimator(EstimatorConfig(device=subject.device, precision=subject.precision), self.loaded.archive)
+        config = EstimatorConfig(device=subject.device, precision=subject.precision, runtime=subject.runtime)
+        return Estimator(config, self.loaded.archive)
 
     def prepare(self, size: Size) -> tuple[NetworkInputs, Callable[[], Depths]]:
         """What the network is given at a size, and a call that runs it, warmed up where it is frozen."""

@@ -16,6 +16,7 @@ from radcam_depth_ros.cli.terminal.options import (
     ModelOption,
     NetworkOption,
     PrecisionOption,
+    RuntimeOption,
     progress_bar,
     write_json,
 )
@@ -38,6 +39,7 @@ def bench(
         int, typer.Option(min=1, help="Maximum number of rounds; slow parts get fewer, at least two.")
     ] = 30,
     precision: PrecisionOption = None,
+    runtime: RuntimeOption = None,
     threads: Annotated[
         int, typer.Option(min=0, help="CPU threads; 0 chooses as the node does: fewer beside other work.")
     ] = 0,
@@ -70,6 +72,7 @@ def bench(
         model_file=str(model or ""),
         precision=precision or "auto",
         device=device or "cpu",
+        runtime=runtime or "auto",
         threads=threads,
     )
     counts = [parse_count(part) for part in points.split(",")]

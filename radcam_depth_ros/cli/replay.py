@@ -23,6 +23,7 @@ from radcam_depth_ros.cli.terminal.options import (
     PreviewRangeOption,
     RadarOption,
     RadarSweepsOption,
+    RuntimeOption,
     ThreadsOption,
     WithoutRadarOption,
     estimator_parameters,
@@ -48,6 +49,7 @@ def replay(
     model: ModelOption = None,
     device: DeviceOption = None,
     precision: PrecisionOption = None,
+    runtime: RuntimeOption = None,
     threads: ThreadsOption = None,
     image: ImageOption = None,
     radar: RadarOption = None,
@@ -99,7 +101,7 @@ def replay(
             "points_near_m": points_near_m,
             "points_far_m": points_far_m,
             "output_size": output_size,
-            **estimator_parameters(network, model, device, precision, threads),
+            **estimator_parameters(network, model, device, precision, runtime, threads),
         },
     )
     wanted = {"preview": preview, "points": points, "compressed_depth": compressed_depth}

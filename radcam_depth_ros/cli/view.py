@@ -18,6 +18,7 @@ from radcam_depth_ros.cli.terminal.options import (
     ModelOption,
     PrecisionOption,
     RadarOption,
+    RuntimeOption,
     ThreadsOption,
     estimator_parameters,
     keep_apart,
@@ -57,6 +58,7 @@ def view(
     ] = None,
     device: DeviceOption = None,
     precision: PrecisionOption = None,
+    runtime: RuntimeOption = None,
     threads: ThreadsOption = None,
     image: ImageOption = None,
     radar: RadarOption = None,
@@ -78,7 +80,7 @@ def view(
     from radcam_depth_ros import viewing
 
     keep_apart((save,), (bag, depth, params, model))
-    estimation = estimator_parameters(network, model, device, precision, threads)
+    estimation = estimator_parameters(network, model, device, precision, runtime, threads)
     given = {"image_topic": image, "radar_topics": radar or None, **estimation}
     node = node_parameters(params, given, unused=("output.",))
     options = viewing.ViewOptions(every, frames, width)

@@ -13,12 +13,14 @@ from radcam_depth_ros.engine.calls import PlainCalls
 from radcam_depth_ros.engine.graphs import CudaGraphs
 from radcam_depth_ros.engine.load import allowed_cores, usable_cores
 from radcam_depth_ros.engine.memory import give_back_memory, keep_freed_memory
+from radcam_depth_ros.engine.onnx_calls import RUNTIMES, OnnxCalls
 from radcam_depth_ros.engine.precision import EngineError, NumberFormat, check_precision, choose
 from radcam_depth_ros.engine.sharing import ThreadBudget
 from radcam_depth_ros.networks import Depths
 from radcam_depth_ros.networks.layers.number_formats import convert
 from radcam_depth_ros.networks.weights_io import torchscript
 from radcam_depth_ros.networks.weights_io.folding import folded
+from radcam_depth_ros.networks.weights_io.onnx_file import OnnxNetwork
 
 MODES = ("frozen", "eager")
 
@@ -27,14 +29,17 @@ class Engine:
     """A network on a device, in one number format.
 
     Frozen: on a CPU batch norms are folded and the network is frozen TorchScript with channels_last weights; on a GPU
-    it runs as CUDA graphs. Eager is the reference: the network as it was written, in float32 unless told otherwise.
+    it runs as CUDA graphs. Eager is the reference: the network as it was written, in float32 unless told otherwise. An
+    ONNX file runs by onnxruntime.
 
     Args:
-        network: A `Network`, which stays as it is, or the script module of an export, which runs as it was exported.
+        network: A `Network`, which stays as it is, or that of an export, which runs as it was exported.
         device: `cpu`, `cuda`, `cuda:1` and so on.
         precision: One of `PRECISIONS`; see `precision.choose`.
         mode: One of `MODES`.
         threads: CPU threads; 0 takes as many as other work on the computer leaves cores, at most torch's number.
+            onnxruntime has that number from the start to the end.
+        runtime: One of `RUNTIMES`: what runs an ONNX file. Other weights know `auto` alone.
 
     Raises:
         EngineError: when the device is not there, or the network cannot be run as asked.
@@ -47,16 +52,30 @@ class Engine:
         precision: str = "auto",
         mode: str = "frozen",
         threads: int = 0,
+        runtime: str = "auto",
     ) -> None:
-        if mode not in MODES:
-            raise EngineError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
-        place = _usable(device)
+        for name, value, known in (("mode", mode, MODES), ("runtime", runtime, RUNTIMES)):
+            if value not in known:
+                raise EngineError(f"{name} must be one of {', '.join(known)}, got {value!r}")
         self._mode = mode
+        self._sizes: set[tuple[int, int]] = set()
+        self._threads = threads or min(torch.get_num_threads(), usable_cores())
+        self._budget: ThreadBudget | None = None
+        self._calls: PlainCalls | CudaGraphs | OnnxCalls
+        if isinstance(network, OnnxNetwork):
+            self._format = _onnx_format(precision, mode)
+            self._calls = OnnxCalls(network, runtime, device, self._threads)
+            return
+        if runtime != "auto":
+            raise EngineError(
+                f"expected runtime auto for weights that torch runs, got {runtime}; set model_file to an .onnx file of "
+                "`radcam-depth export`, or runtime to auto"
+            )
+        place = _usable(device)
         self._format = _number_format(network, place, precision, mode)
         if place.type == "cpu":
             keep_freed_memory()
         dtype = self._format.dtype
-        self._calls: PlainCalls | CudaGraphs
         if mode == "eager":
             reference = convert(copy.deepcopy(network).eval(), dtype).to(place)
             self._calls = PlainCalls(reference, place, dtype, torch.contiguous_format)
@@ -65,9 +84,6 @@ class Engine:
         else:
             self._calls = PlainCalls(torchscript.freeze(network, dtype), place, dtype)
             give_back_memory()
-        self._sizes: set[tuple[int, int]] = set()
-        self._threads = threads or min(torch.get_num_threads(), usable_cores())
-        self._budget: ThreadBudget | None = None
         if threads == 0 and self._threads > 1 and place.type == "cpu" and mode == "frozen":
             self._budget = ThreadBudget(self._threads, len(allowed_cores()))
 
@@ -81,12 +97,17 @@ class Engine:
         """CPU threads, where nothing else runs on the computer."""
         return self._threads
 
+    @property
+    def only_size(self) -> tuple[int, int] | None:
+        """Height and width of the only image that it runs; None where it runs any."""
+        return self._calls.size if isinstance(self._calls, OnnxCalls) else None
+
     def describe(self) -> str:
         """One line: the number format, why, and how the network is called where that is not the usual way."""
         words = f"{self.precision} ({self._format.reason})"
         if self._mode == "eager":
             return f"{words}, eager"
-        return f"{words}, {self._calls.describe()}" if isinstance(self._calls, CudaGraphs) else words
+        return words if isinstance(self._calls, PlainCalls) else f"{words}, {self._calls.describe()}"
 
     def run(self, image: Tensor, radar: Tensor, ground: Tensor) -> Depths:
         """Estimates the depth of one frame.
@@ -136,6 +157,17 @@ def _usable(device: str | torch.device) -> torch.device:
             f"device {str(device)!r} cannot be used: {reason}; use cpu, or cuda with a CUDA build of torch"
         ) from None
     return place
+
+
+def _onnx_format(precision: str, mode: str) -> NumberFormat:
+    check_precision(precision)
+    for name, value, other in (("precision", precision, "bfloat16"), ("mode", mode, "eager")):
+        if value == other:
+            raise EngineError(
+                f"expected {name} other than {other} for an ONNX file, which runs as it was exported, got {other}; "
+                "give the .safetensors weights in its place"
+            )
+    return NumberFormat(torch.float32, "as exported")
 
 
 def _number_format(network: nn.Module, device: torch.device, precision: str, mode: str) -> NumberFormat:

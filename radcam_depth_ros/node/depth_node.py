@@ -303,7 +303,7 @@ def _with_full_names(config: NodeConfig, inputs: Inputs) -> NodeConfig:
 
 
 def _canonical_camera(estimator: Estimator) -> CameraModel:
-    width, height = WARM_UP_SIZE
+    width, height = reversed(estimator.only_size) if estimator.only_size else WARM_UP_SIZE
     focal_px = estimator.card.focal_length_px
     return CameraModel(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
 

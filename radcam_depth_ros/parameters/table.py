@@ -58,7 +58,10 @@ SECTIONS = {
     },
     "Network": {
         name: f"estimator.{name}"
-        for name in ("network", "model_file", "allow_exported", "trusted_models", "device", "precision", "threads")
+        for name in (
+            *("network", "model_file", "allow_exported", "trusted_models"),
+            *("device", "precision", "runtime", "threads"),
+        )
     },
 }
 """ROS name to field path, in the sections of the generated files."""

@@ -52,7 +52,7 @@ def load_initial(network: networks.Network, name: str, source: str | Path) -> No
         ArchiveError: when they cannot be loaded.
     """
     given = archive.load(source)
-    if isinstance(given.network, torch.jit.ScriptModule):
+    if given.is_export:
         raise TrainingError(f"{source} is an export, and an export cannot be trained; give the .safetensors file")
     if given.card.network != name:
         raise TrainingError(f"the weights of {source} are of {given.card.network!r}, not of {name!r}")

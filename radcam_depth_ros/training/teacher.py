@@ -34,7 +34,7 @@ class Teacher:
         self, source: str | Path, student: networks.Network, config: DistillationConfig, precision: Precision
     ) -> None:
         given = archive.load(source)
-        if isinstance(given.network, torch.jit.ScriptModule):
+        if given.is_export:
             raise TrainingError(f"{source} is an export, and an export cannot teach; give the .safetensors file")
         for key in ("focal_length_px", "max_depth_m"):
             mine, theirs = getattr(student.config, key), getattr(given.network.config, key)

@@ -67,6 +67,7 @@ class FakeEstimator:
     seconds: float = 0.0
     error: Exception | None = None
     tells_classes: bool = False
+    only_size: tuple[int, int] | None = None
     stamps_ns: list[int] = field(default_factory=list)
     radar_m: dict[int, np.ndarray] = field(default_factory=dict)
     warmed_up: list[tuple[CameraModel, str]] = field(default_factory=list)

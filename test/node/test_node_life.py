@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from radcam_depth_ros.encoder import OUTPUTS
-from radcam_depth_ros.estimator import Estimator
+from radcam_depth_ros.estimator import Estimator, EstimatorConfig
+from radcam_depth_ros.node.depth_node import WARM_UP_SIZE, _canonical_camera
 
 
 def test_depth_comes_from_a_node_that_was_only_started(start: Callable[..., Any]) -> None:
@@ -182,11 +183,16 @@ def foreign(path: Path) -> str:
     return str(path / "other.pt")
 
 
+def another_model(path: Path) -> str:
+    (path / "other.onnx").write_bytes(b"\x08\x09")
+    return str(path / "other.onnx")
+
+
 def absent(path: Path) -> str:
     return str(path / "nothing.safetensors")
 
 
-@pytest.mark.parametrize("write", [corrupt, foreign, absent])
+@pytest.mark.parametrize("write", [corrupt, foreign, another_model, absent])
 def test_a_weight_file_that_cannot_be_loaded(
     start: Callable[..., Any], make_estimator: Callable[..., Any], tmp_path: Path, write: Callable[[Path], str]
 ) -> None:
@@ -203,3 +209,11 @@ def test_a_weight_file_that_cannot_be_loaded(
     assert bench.change_state("activate")
     bench.connect()
     bench.await_depth()
+
+
+@pytest.mark.parametrize(("only", "expected"), [(None, WARM_UP_SIZE), ((224, 416), (416, 224))])
+def test_a_network_of_one_size_is_warmed_up_at_that_size(
+    only: tuple[int, int] | None, expected: tuple[int, int], make_estimator: Callable[..., Any]
+) -> None:
+    camera = _canonical_camera(make_estimator(EstimatorConfig(), only_size=only))
+    assert (camera.width, camera.height) == expected

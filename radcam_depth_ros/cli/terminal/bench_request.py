@@ -62,8 +62,10 @@ def parse_against(spec: str, subject: Subject) -> Against:
         values = {"mode": "eager", "precision": "float32", **values}
     height_width = parse_size(str(values.pop("size"))) if "size" in values else None
     points = parse_count(str(values.pop("points"))) if "points" in values else None
-    precision, mode = str(values.pop("precision", subject.precision)), str(values.pop("mode", subject.mode))
-    other = replace(subject, architecture={**architecture, **values}, precision=precision, mode=mode)
+    how: dict[str, Any] = {
+        name: str(values.pop(name, getattr(subject, name))) for name in ("precision", "mode", "runtime")
+    }
+    other = replace(subject, architecture={**architecture, **values}, **how)
     return Against(spec, other, PAPER_IMAGE_FACTOR if is_paper else 1, height_width, points)
 
 

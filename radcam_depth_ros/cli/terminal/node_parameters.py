@@ -28,7 +28,7 @@ OUTPUT = ("output.", "estimator.output_size")
 """Fields of the node's config that say how depth is written."""
 INFERENCE = (
     *("estimator.model_file", "estimator.allow_exported", "estimator.trusted_models"),
-    *("estimator.device", "estimator.precision", "estimator.threads"),
+    *("estimator.device", "estimator.precision", "estimator.runtime", "estimator.threads"),
 )
 """Fields of the node's config that say how depth is estimated, besides the network's name."""
 _QOS = "qos_overrides."

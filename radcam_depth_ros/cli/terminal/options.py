@@ -36,7 +36,7 @@ NetworkOption = Annotated[
     str | None, typer.Option("--network", help="A network whose weights come with the package.", show_default=NETWORK)
 ]
 ModelOption = Annotated[
-    Path | None, typer.Option(help="A weight file (.safetensors or exported .pt), in place of --network.")
+    Path | None, typer.Option(help="A weight file (.safetensors, or exported .pt or .onnx), in place of --network.")
 ]
 DeviceOption = Annotated[str | None, typer.Option("--device", help="cpu, or cuda.", show_default="cpu")]
 PrecisionOption = Annotated[
@@ -45,6 +45,14 @@ PrecisionOption = Annotated[
         "--precision",
         help="Number format of the network: float32, bfloat16, or auto: RADCAM_DEPTH_PRECISION if set, else what suits "
         "the processor.",
+        show_default="auto",
+    ),
+]
+RuntimeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--runtime",
+        help="What onnxruntime runs an .onnx file on: cpu, cuda, tensorrt, or auto: as --device.",
         show_default="auto",
     ),
 ]
@@ -139,14 +147,19 @@ class _RateColumn(ProgressColumn):
 
 
 def estimator_parameters(
-    network: str | None, model: Path | None, device: str | None, precision: str | None, threads: int | None
+    network: str | None,
+    model: Path | None,
+    device: str | None,
+    precision: str | None,
+    runtime: str | None,
+    threads: int | None,
 ) -> dict[str, object]:
     """The node's parameters that options of these names stand for; None for those not given."""
     model_file = None if model is None else str(model)
     # Who names a file on the command line means it.
     allow_exported = None if model is None else True
     values = {"network": network, "model_file": model_file, "allow_exported": allow_exported, "device": device}
-    return {**values, "precision": precision, "threads": threads}
+    return {**values, "precision": precision, "runtime": runtime, "threads": threads}
 
 
 def load_estimator(config: EstimatorConfig) -> Estimator:

@@ -74,7 +74,7 @@ class Weights:
     def settings(self) -> dict[str, Any]:
         """What decides the depth."""
         computed = vars(self.computation)
-        return {"network": self.network, "device": self.config.device, **computed}
+        return {"network": self.network, "device": self.config.device, "runtime": self.config.runtime, **computed}
 
     def facts(self) -> dict[str, Any]:
         """What is told with results, as the JSON of an evaluation has it."""

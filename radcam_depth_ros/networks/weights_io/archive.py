@@ -19,7 +19,7 @@ from torch import Tensor
 from radcam_depth_ros.files import whole, write_text
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.interface import Network
-from radcam_depth_ros.networks.weights_io import torchscript
+from radcam_depth_ros.networks.weights_io import onnx_file, torchscript
 from radcam_depth_ros.networks.weights_io.card import Archive, ArchiveError, Card, card_text, read_card
 from radcam_depth_ros.networks.weights_io.export_check import LARGEST_BYTES, LARGEST_CARD_BYTES
 
@@ -41,7 +41,7 @@ def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[s
 
     Args:
         source: A network's name, or a file.
-        allow_exported: Whether it may be an export, which has code.
+        allow_exported: Whether it may be an export, which has code or operators of its own.
         trusted: SHA-256 of the weight files that may be loaded; any when there are none.
 
     Raises:
@@ -58,11 +58,9 @@ def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[s
         path = Path(source)
     if not path.is_file():
         raise ArchiveError(
-            f"no weight file at {path}; give a .safetensors file with its card, an exported .pt file, or a network's "
-            f"name: {', '.join(registry.names())}"
+            f"no weight file at {path}; give a .safetensors file with its card, an exported .pt or .onnx file, or a "
+            f"network's name: {', '.join(registry.names())}"
         )
-    if path.suffix.lower() == ".onnx":
-        raise ArchiveError(f"{path} is an ONNX file, which is not read here; give its .safetensors file")
     is_exported = path.suffix != ".safetensors"
     if is_exported and not allow_exported:
         raise ArchiveError(
@@ -76,7 +74,10 @@ def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[s
             f"{path} is not among trusted_models: its SHA-256 is {found}; add it to that parameter if you know where "
             "the file is from"
         )
-    loaded = torchscript.load(path, content) if is_exported else _load_weights(path, content, found)
+    if path.suffix.lower() == ".onnx":
+        loaded = onnx_file.load(path, content)
+    else:
+        loaded = torchscript.load(path, content) if is_exported else _load_weights(path, content, found)
     return replace(loaded, file_sha256=found)
 
 

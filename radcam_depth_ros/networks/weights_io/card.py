@@ -73,7 +73,7 @@ class Archive:
     """A network that is ready to run, and its card.
 
     Attributes:
-        network: A `Network`, or a script module from an export.
+        network: A `Network`, or what an export is read as: a script module or an `OnnxNetwork`.
         card: Its card.
         file_sha256: SHA-256 of the file that it was read from, in hexadecimal digits; empty for a network of no file.
     """
@@ -81,6 +81,11 @@ class Archive:
     network: nn.Module
     card: Card
     file_sha256: str = ""
+
+    @property
+    def is_export(self) -> bool:
+        """Whether it was read from an exported file, which can be run and nothing else."""
+        return not isinstance(self.network, Network)
 
 
 def read_card(text: str, source: str) -> Card:

@@ -101,13 +101,6 @@ def test_missing_files(tmp_path: Path) -> None:
         archive.load(tmp_path / "none.safetensors")
 
 
-@pytest.mark.parametrize("name", ["baff.onnx", "BAFF.ONNX"])
-def test_an_onnx_file_is_told_as_one(name: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(b"\x08\x09")
-    with pytest.raises(ArchiveError, match="ONNX file, which is not read here"):
-        archive.load(tmp_path / name)
-
-
 def test_a_missing_card(copied: Path) -> None:
     copied.with_suffix(".yaml").unlink()
     with pytest.raises(ArchiveError, match=r"have no card inside; expected baff\.yaml"):
