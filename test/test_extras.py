@@ -83,10 +83,11 @@ def test_the_node(take_away: Callable[..., None], capsys: pytest.CaptureFixture[
     assert install_extra("ros") in said
 
 
-def test_rehearsal(take_away: Callable[..., None]) -> None:
+def test_rehearsal(tmp_path: Path, take_away: Callable[..., None]) -> None:
+    config = rehearsal.RehearsalConfig(0.5, 0.15, 16, 8, 1, 0.1, {})
     take_away("embreex", "simulation")
     with pytest.raises(TrainingError, match=re.escape(install_extra("train"))):
-        rehearsal.simulated_bags(rehearsal.RehearsalConfig(), lambda: None)
+        rehearsal.rehearsal_drives(config, tmp_path)
 
 
 def test_tensorboard(take_away: Callable[..., None]) -> None:
