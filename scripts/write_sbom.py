@@ -22,8 +22,8 @@ from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 
 PACKAGE = "radcam-depth-ros"
-TOOLS = ("pip", "setuptools")
-"""Installed beside the package without being asked for by it."""
+OF_THE_ENVIRONMENT = ("pip", "setuptools")
+"""In each environment; they are listed only where something needs them."""
 
 
 def weights(python: Path) -> list[Component]:
@@ -44,16 +44,25 @@ def weights(python: Path) -> list[Component]:
 
 def bill(python: Path) -> Bom:
     """The bill of an environment, with the package as its subject."""
-    listing = [sys.executable, "-m", "cyclonedx_py", "environment", "--output-reproducible", str(python)]
+    listing = [
+        sys.executable,
+        "-m",
+        "cyclonedx_py",
+        "environment",
+        "--output-reproducible",
+        "--no-validate",
+        str(python),
+    ]
     listed = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
     found: Bom = Bom.from_json(json.loads(listed))  # type: ignore[attr-defined]  # by a decorator
+    needed = {child.ref for entry in found.dependencies for child in entry.dependencies}
     for component in list(found.components):
         if component.name.replace("_", "-") == PACKAGE:
             found.metadata.component = component
             found.components.remove(component)
-        elif component.name in TOOLS:
+        elif component.name in OF_THE_ENVIRONMENT and component.bom_ref not in needed:
             found.components.remove(component)
-            found.dependencies.discard(next(entry for entry in found.dependencies if entry.ref == component.bom_ref))
+            found.dependencies = [entry for entry in found.dependencies if entry.ref != component.bom_ref]
     shipped = weights(python)
     found.components.update(shipped)
     if found.metadata.component is None:
