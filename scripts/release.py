@@ -84,7 +84,8 @@ def _git(*words: str) -> str:
 
 
 def _current() -> str:
-    return re.findall(r"<version>(.*)</version>", (ROOT / "package.xml").read_text(encoding="utf-8"))[0]
+    (found,) = re.findall(r"<version>(.*)</version>", (ROOT / "package.xml").read_text(encoding="utf-8"))
+    return str(found)
 
 
 def copy_checkout(folder: Path) -> None:
