@@ -27,7 +27,10 @@ ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
 EXHAUSTIVE = $(shell grep -rl --include='*.py' 'pytest.mark.exhaustive' test)
 ENDURANCE = $(shell grep -rl --include='*.py' 'pytest.mark.endurance' test)
 
-.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs generate lint format clean
+# Version of `make release`.
+VERSION ?=
+
+.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs generate lint lint-files format wheel release clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -63,13 +66,15 @@ adversary: .venv/installed ## attacks the package with a part of the hostile inp
 check: .venv/installed lint ## lint, types and the fast tests, between two edits
 	@.venv/bin/python -m pytest -n 2 --dist loadfile -m "not alone and not exhaustive and not endurance and not slow" --durations 5 --durations-min 2 -q
 
-check-all: .venv/installed .venv/messages.installed lint ## all tests in both number formats, hostile inputs, docs
+check-all: .venv/installed .venv/messages.installed lint ## all tests in both number formats, hostile inputs, hooks, workflows, wheels, docs
 	@for format in float32 bfloat16; do \
 	    printf '\n== %s\n' "$$format"; RADCAM_DEPTH_PRECISION=$$format $(MAKE) --no-print-directory test || exit 1; done
 	@$(MAKE) --no-print-directory test-exhaustive
 	@.venv/bin/python -m pytest -n 2 -m endurance $(ENDURANCE)
 	@.venv/bin/python -m benchmarks.fuzz --messages 20000 --seed 1
 	@.venv/bin/python -m benchmarks.adversary --seed 1
+	@$(MAKE) --no-print-directory lint-files
+	@$(MAKE) --no-print-directory wheel
 	@$(MAKE) --no-print-directory docs
 
 docs: .venv/installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
@@ -85,15 +90,31 @@ lint: .venv/installed ## ruff, mypy, bandit and known vulnerabilities of depende
 	@.venv/bin/python -m bandit --quiet --configfile pyproject.toml --recursive radcam_depth_ros
 	@.venv/bin/python scripts/audit_dependencies.py
 
+lint-files: .venv/release.installed ## pre-commit's hooks, and the workflows with actionlint and zizmor
+	@.venv/bin/python -m pre_commit run --all-files
+	@scripts/lint_workflows
+
 format: .venv/installed ## format and sort imports in place
 	@.venv/bin/python -m ruff check --fix .
 	@.venv/bin/python -m ruff format .
 
+wheel: .venv/release.installed ## builds the wheels into dist/, and tries them in a fresh environment outside of the checkout
+	@.venv/bin/python scripts/release.py
+
+release: .venv/release.installed ## the same for a new version, and writes it and the changelog VERSION=1.2.3
+	@test -n "$(VERSION)" || { echo "make release: say which version, for example VERSION=1.2.3" >&2; exit 1; }
+	@.venv/bin/python scripts/release.py "$(VERSION)"
+
 clean: ## remove what was built, made and measured here, .venv included
-	@rm -rf .venv build install log out *.egg-info
+	@rm -rf .venv build dist install log out *.egg-info
 
 .venv/installed: setup.py setup.cfg constraints.txt scripts/make_venv
 	@scripts/make_venv
+
+# Apart, since tests need none of these.
+.venv/release.installed: .venv/installed
+	@.venv/bin/python -m pip install --quiet -c constraints.txt --no-build-isolation -e '.[release]'
+	@touch $@
 
 .venv/messages.installed: .venv/installed scripts/make_messages $(wildcard scripts/message_packages/* scripts/message_packages/*/* scripts/message_packages/*/msg/*)
 	@scripts/make_messages

@@ -1,10 +1,26 @@
 """Installs radcam_depth_ros, with `pip install .` as well as with `colcon build`."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
 
 PACKAGE = "radcam_depth_ros"
+VERSION = ElementTree.parse("package.xml").getroot().findtext("version")
+WEIGHTS_OF_WHEEL = "baff.safetensors"
+"""All others are in the wheel radcam-depth-weights (docs/release.md); a checkout and a colcon workspace have all."""
+
+
+class BuildPackage(build_py):
+    """Leaves the other weights out where a wheel is built."""
+
+    def finalize_options(self) -> None:
+        """Takes the patterns of files; `bdist_wheel` is the command of pip and of `python -m build`."""
+        if "bdist_wheel" in self.distribution.commands:
+            patterns = self.distribution.package_data[PACKAGE]
+            patterns[patterns.index("weights/*.safetensors")] = f"weights/{WEIGHTS_OF_WHEEL}"
+        super().finalize_options()
 
 
 def share_files(folder: str, *patterns: str, to: str = "") -> tuple[str, list[str]]:
@@ -15,16 +31,28 @@ def share_files(folder: str, *patterns: str, to: str = "") -> tuple[str, list[st
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version=VERSION,
     description="Metric depth images from one camera and its radars, a ROS 2 node",
     long_description=Path("README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     license="Apache-2.0",
+    license_files=["LICENSE", f"{PACKAGE}/weights/LICENSE"],
+    keywords=["depth estimation", "radar", "camera", "sensor fusion", "ROS 2"],
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        *(f"Programming Language :: Python :: {version}" for version in ("3.11", "3.12", "3.13")),
+        "Topic :: Scientific/Engineering :: Image Recognition",
+    ],
     maintainer="radcam_depth_ros developers",
     maintainer_email="radcam-depth@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "recipes/*.yaml", "weights/*.safetensors", "weights/*.yaml"]},
+    package_data={
+        PACKAGE: ["py.typed", "recipes/*.yaml", "weights/*.safetensors", "weights/*.yaml", "weights/LICENSE"]
+    },
+    cmdclass={"build_py": BuildPackage},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -56,6 +84,8 @@ setup(
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]>=7.1", "ros-jazzy-common-interfaces>=5.3"],
         "sim": ["embreex>=4.4"],
+        "train": ["embreex>=4.4", "tensorboard>=2.18"],
+        "weights": [f"radcam-depth-weights=={VERSION}"],
         "fleet": ["fsspec>=2024.6", "ray[client]>=2.50", "s3fs>=2024.6"],
         "onnx": ["onnx>=1.17", "onnxruntime>=1.20", "onnxscript>=0.5"],
         "dev": [
@@ -72,6 +102,13 @@ setup(
             "pytest-xdist>=3.6",
             "ruff>=0.5",
             "types-PyYAML",
+        ],
+        "release": [
+            "build>=1.2",
+            "cyclonedx-bom>=7.0",
+            "pre-commit>=4.0",
+            "twine>=6.1",
+            "zizmor>=1.5",
         ],
     },
     entry_points={

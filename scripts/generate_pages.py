@@ -1,7 +1,7 @@
 """Writes the pages and files that follow from the package's tables: `make generate`, or `--check` to compare alone.
 
 Parameters come from `parameters.SECTIONS` and the texts beside the config's fields, outputs from `encoder.OUTPUTS`. The
-policy of SROS 2 has both, and what every lifecycle node has.
+policy of SROS 2 has both, and what every lifecycle node has. The version comes from package.xml.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from radcam_depth_ros.encoder import OUTPUTS, Output
 from radcam_depth_ros.frame_builder import COMPRESSED_SUFFIX, TRANSFORM_TOPICS, FrameBuilderConfig
@@ -36,6 +37,12 @@ BASIC = (
     "device",
 )
 """What most users set."""
+VERSION_LINES = {
+    "radcam_depth_ros/__init__.py": r'^(__version__ = ")[^"]*(")',
+    "CITATION.cff": r"^(version: )\S+()",
+    "docs/references.md": r"^(  version = \{)[^}]*(\})",
+}
+"""The line of a file that has the version, as a pattern with what stands before and behind it."""
 LINE = 120
 BY = "by scripts/generate_pages.py"
 BASIC_HEAD = """\
@@ -126,6 +133,10 @@ def pages() -> dict[Path, str]:
         for begin, part in parts.items():
             text = _replace(text, begin, part)
         found[path] = text
+    version = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
+    for name, line in VERSION_LINES.items():
+        text = (ROOT / name).read_text(encoding="utf-8")
+        found[ROOT / name] = re.sub(line, rf"\g<1>{version}\g<2>", text, count=1, flags=re.M)
     return found
 
 

@@ -113,7 +113,7 @@ def copy(tmp_path: Path) -> Path:
         left_out = shutil.ignore_patterns("__pycache__", "weights", "images")
         shutil.copytree(ROOT / folder, target / folder, ignore=left_out)
     (target / "radcam_depth_ros" / "weights").symlink_to(ROOT / "radcam_depth_ros" / "weights")
-    for file in ("README.md", "CONTRIBUTING.md", "pyproject.toml", "CHANGELOG.rst", "CITATION.cff"):
+    for file in ("README.md", "CONTRIBUTING.md", "pyproject.toml", "CHANGELOG.rst", "CITATION.cff", "package.xml"):
         shutil.copy(ROOT / file, target / file)
     return target
 

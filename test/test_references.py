@@ -49,7 +49,7 @@ def test_each_listed_key_is_cited() -> None:
 
 def test_nothing_refers_to_pages_outside_of_the_project() -> None:
     outside = {
-        name: re.findall(r"\bMETHODS\b|\b[A-Z]+\.md\b(?<!README\.md)(?<!CONTRIBUTING\.md)", text)
+        name: re.findall(r"\bMETHODS\b|\b[A-Z]+\.md\b(?<!README\.md)(?<!CONTRIBUTING\.md)(?<!SECURITY\.md)", text)
         for name, text in TEXTS.items()
     }
     assert {name: found for name, found in outside.items() if found} == {}

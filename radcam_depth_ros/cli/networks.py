@@ -21,7 +21,7 @@ def networks(json_target: JsonOption = None) -> None:
         return
     rows = []
     for entry in entries:
-        trained_on = entry["training_data"] if entry["weights"] else f"none come with it: {entry['train']}"
+        trained_on = entry["training_data"] if entry["weights"] else entry["get"]
         rows.append((entry["name"], entry["about"], f"{entry['parameters'] / 1e6:.2f} M", trained_on))
     columns = ("name", "what it is", "parameters", "its weights were trained on")
     print_table(PlainConsole(), "networks", columns, rows, justify="left")
@@ -41,5 +41,6 @@ def _entry(name: str) -> dict[str, Any]:
         "weights": has_weights,
         "training_data": loaded.card.training_data if loaded else "",
         "metrics": loaded.card.metrics if loaded else {},
+        "get": "" if loaded else archive.how_to_get(name),
         "train": f"radcam-depth train --network {name} --bags drives/ --out runs/{name}",
     }

@@ -11,6 +11,7 @@ import typer
 
 from radcam_depth_ros.cli.terminal.fleet_runs import OnOption, ShardOption, finish, run_fleet
 from radcam_depth_ros.cli.terminal.options import keep_apart, progress_bar
+from radcam_depth_ros.extras import install_extra
 
 if TYPE_CHECKING:
     from radcam_depth_ros.simulation import SimulationConfig
@@ -48,8 +49,7 @@ def simulate(
         from radcam_depth_ros import simulation  # here, so that all other verbs run without the extra `sim`
     except ModuleNotFoundError as error:
         raise RadcamDepthError(
-            f"the simulator needs the package {error.name}, which is not installed; install it with "
-            f"`pip install {error.name}`"
+            f"the simulator needs the package {error.name}, which is not installed; {install_extra('sim')}"
         ) from error
     keep_apart((out,), (config,))
     settings = (

@@ -17,6 +17,7 @@ from itertools import islice
 from typing import Any
 
 from radcam_depth_ros import __version__
+from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.fleet.errors import FleetError
 from radcam_depth_ros.fleet.results import Done, Failed
 from radcam_depth_ros.fleet.running import Engine, attempt
@@ -69,9 +70,7 @@ def ray_engine(address: str) -> Engine:
     try:
         import ray
     except ModuleNotFoundError as error:
-        raise FleetError(
-            "--on ray needs the package ray, which is not installed; install the extra `fleet` of this package with pip"
-        ) from error
+        raise FleetError(f"--on ray needs the package ray, which is not installed; {install_extra('fleet')}") from error
     own = {} if address == "ray" else {"address": address}
     try:
         ray.init(ignore_reinit_error=True, log_to_driver=False, logging_level="ERROR", **own)

@@ -17,6 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from radcam_depth_ros.bags import find_bags
+from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.files import cannot_write, whole
 from radcam_depth_ros.fleet.errors import FleetError
 
@@ -24,6 +25,7 @@ ValueT = TypeVar("ValueT")
 
 TRIES = 4
 """How often a transfer is tried that fails or stalls."""
+_S3 = ("s3", "s3a")
 STALL_S = 20
 """A connection to S3 that gives nothing for so long has stalled, where fsspec's own settings do not say otherwise."""
 _SPARE_BYTES = 256 << 20
@@ -219,12 +221,13 @@ def _system(place: str) -> tuple[Any, str]:
 
     protocol = place.partition("://")[0]
     options: dict[str, Any] = {}
-    if protocol in ("s3", "s3a") and "config_kwargs" not in fsspec.config.conf.get("s3", {}):
+    if protocol in _S3 and "config_kwargs" not in fsspec.config.conf.get("s3", {}):
         options["config_kwargs"] = {"read_timeout": STALL_S, "connect_timeout": STALL_S}
     try:
         system, path = fsspec.url_to_fs(place, **options)
     except (ImportError, ValueError) as error:
-        raise FleetError(f"cannot reach {place}: {error}; install the package that fsspec needs for it") from None
+        advice = install_extra("fleet") if protocol in _S3 else "install the package that fsspec needs for it"
+        raise FleetError(f"cannot reach {place}: {error}; {advice}") from None
     return system, str(path)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.training.errors import TrainingError
 
@@ -62,8 +63,8 @@ def require_tensorboard() -> Any:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         raise TrainingError(
-            "TensorBoard is not installed; install it with `pip install tensorboard`, or leave --tensorboard out: "
-            "report.html in the run's folder has the same curves"
+            "TensorBoard is not installed; leave --tensorboard out, since report.html in the run's folder has the same "
+            f"curves, or {install_extra('train')}"
         ) from None
     return SummaryWriter
 

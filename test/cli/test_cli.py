@@ -148,20 +148,6 @@ def test_play_names_what_it_leaves_out(tmp_path: Path, write_drive: Callable[...
     assert result.stderr.count("/tf_static cannot be published") == is_left_out
 
 
-def test_play_without_ros_is_one_sentence(
-    tmp_path: Path,
-    write_drive: Callable[..., Path],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    for name in [name for name in sys.modules if name.startswith("radcam_depth_ros.bag_player")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delattr("radcam_depth_ros.bag_player", raising=False)
-    monkeypatch.setitem(sys.modules, "rclpy", None)
-    assert run_main(monkeypatch, "play", write_drive(tmp_path / "drive.mcap")) == 2
-    assert "play needs ROS 2, and the package rclpy is not installed" in capsys.readouterr().err
-
-
 def test_play_ends_at_once_and_well_when_interrupted(tmp_path: Path, write_drive: Callable[..., Path]) -> None:
     pytest.importorskip("rclpy")
     drive = write_drive(tmp_path / "drive.mcap", without=("/tf_static",))

@@ -13,6 +13,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.reporting.terminal import PlainConsole
 
 # What is heavy to import is imported where it is used, here and in the verbs: --help answers at once.
@@ -180,7 +181,7 @@ def needs_ros(what: str) -> Iterator[None]:
 
         raise RadcamDepthError(
             f"{what} needs ROS 2, and the package {error.name} is not installed; source ROS "
-            "(source /opt/ros/jazzy/setup.bash), or install the extra `ros` of this package with pip"
+            f"(source /opt/ros/jazzy/setup.bash), or {install_extra('ros')}"
         ) from error
 
 

@@ -5,6 +5,7 @@ All that is on the card is checked on loading, and a mismatch is refused with a 
 
 import hashlib
 import importlib.resources
+import importlib.util
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,6 +17,7 @@ from safetensors.torch import load as load_tensors
 from safetensors.torch import save as save_tensors
 from torch import Tensor
 
+from radcam_depth_ros import __version__
 from radcam_depth_ros.files import whole, write_text
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.interface import Network
@@ -23,17 +25,31 @@ from radcam_depth_ros.networks.weights_io import onnx_file, torchscript
 from radcam_depth_ros.networks.weights_io.card import Archive, ArchiveError, Card, card_text, read_card
 from radcam_depth_ros.networks.weights_io.export_check import LARGEST_BYTES, LARGEST_CARD_BYTES
 
-__all__ = ["Archive", "ArchiveError", "Card", "load", "save", "shipped"]
+__all__ = ["Archive", "ArchiveError", "Card", "how_to_get", "load", "save", "shipped"]
 
 
 CARD_KEY = "card"
 """Key of the card, as YAML, in a safetensors file's metadata."""
 LARGEST_HEADER_BYTES = 16 * 1024**2
+MORE_WEIGHTS = "radcam-depth-weights"
+"""Wheel with the weights of all networks but the default one (docs/release.md)."""
 
 
 def shipped(name: str) -> Path:
-    """Where the package keeps a network's weights; the file may be missing."""
-    return Path(str(importlib.resources.files("radcam_depth_ros"))) / "weights" / f"{name}.safetensors"
+    """Where a network's weights are: in this package, or else in the wheel `MORE_WEIGHTS`; the file may be missing."""
+    own = Path(str(importlib.resources.files("radcam_depth_ros"))) / "weights" / f"{name}.safetensors"
+    if own.is_file():
+        return own
+    wheel = importlib.util.find_spec(MORE_WEIGHTS.replace("-", "_"))
+    folders = wheel.submodule_search_locations if wheel else None
+    return next((path for folder in folders or () if (path := Path(folder, own.name)).is_file()), own)
+
+
+def how_to_get(name: str) -> str:
+    """What to do where a network's weights are missing: a wheel's package has all cards, but not all weights."""
+    if shipped(name).with_suffix(".yaml").is_file():
+        return f"they are in the wheel {MORE_WEIGHTS}: pip install {MORE_WEIGHTS}=={__version__}"
+    return f"none come with this package: radcam-depth train --network {name} --bags drives/ --out runs/{name}"
 
 
 def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[str] = ()) -> Archive:
@@ -50,10 +66,7 @@ def load(source: Path | str, *, allow_exported: bool = True, trusted: Sequence[s
     if str(source) in registry.names():
         path = shipped(str(source))
         if not path.exists():
-            raise ArchiveError(
-                f"no weights for {source!r} come with this package; train them with "
-                f"`radcam-depth train --network {source}` and give their file"
-            )
+            raise ArchiveError(f"the weights of {source!r} are not installed; {how_to_get(str(source))}")
     else:
         path = Path(source)
     if not path.is_file():

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from radcam_depth_ros import configuration
+from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.training.errors import TrainingError
 
 _FIRST_TEST_SEED = 1_000_000
@@ -116,8 +117,8 @@ def _simulation(config: RehearsalConfig) -> dict[str, Any]:
         from radcam_depth_ros import simulation  # here, so that training without rehearsal runs without the extra `sim`
     except ModuleNotFoundError as error:
         raise TrainingError(
-            f"rehearsal simulates drives, for which the package {error.name} is missing; install it with `pip install "
-            f"{error.name}`, give --rehearsal-bags, or set rehearsal.share to 0"
+            f"rehearsal simulates drives, for which the package {error.name} is missing; give --rehearsal-bags, set "
+            f"rehearsal.share to 0, or {install_extra('train')}"
         ) from error
     settings = configuration.build(simulation.SimulationConfig, config.simulation, "rehearsal.simulation")
     return configuration.as_mapping(settings)
