@@ -169,7 +169,7 @@ def test_the_table_has_no_cycle() -> None:
 
 @pytest.mark.parametrize(
     ("missing", "rooms_that_need_it"),
-    [("rclpy", ("bag_player", "live_topics", "node")), ("embreex", ("simulation",))],
+    [("rclpy", ("bag_player", "live_topics", "node")), ("embreex", ("simulation",)), ("av", ()), ("rerun", ())],
 )
 def test_all_other_rooms_import_without(missing: str, rooms_that_need_it: tuple[str, ...]) -> None:
     script = f"""
