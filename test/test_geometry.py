@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
-from unprojection import unproject
 
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FrameError, GroundPlane
 from radcam_depth_ros.geometry import (
