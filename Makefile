@@ -27,7 +27,7 @@ ALONE = $(shell grep -rl --include='*.py' 'pytest.mark.alone' test)
 EXHAUSTIVE = $(shell grep -rl --include='*.py' 'pytest.mark.exhaustive' test)
 ENDURANCE = $(shell grep -rl --include='*.py' 'pytest.mark.endurance' test)
 
-.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs generate lint format clean
+.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs site generate lint format clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -45,7 +45,7 @@ else
 	@.venv/bin/python -m pytest -m alone $(ALONE)
 endif
 
-test-exhaustive: .venv/installed ## what `make test` tries in part: torch.export of every network
+test-exhaustive: .venv/installed .venv/docs.installed ## what `make test` tries in part, pages in a browser, the notebook
 	@.venv/bin/python -m pytest -n 2 -m exhaustive $(EXHAUSTIVE)
 
 # nuScenes' devkit wants numpy < 2, so it has an environment of its own.
@@ -71,9 +71,13 @@ check-all: .venv/installed .venv/messages.installed lint ## all tests in both nu
 	@.venv/bin/python -m benchmarks.fuzz --messages 20000 --seed 1
 	@.venv/bin/python -m benchmarks.adversary --seed 1
 	@$(MAKE) --no-print-directory docs
+	@$(MAKE) --no-print-directory site
 
-docs: .venv/installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
+docs: .venv/docs.installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
 	@.venv/bin/python scripts/documented_commands.py $(PAGES)
+
+site: .venv/docs.installed ## writes the docs as a site to out/site; fails on a broken link
+	@NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --quiet --strict --site-dir out/site
 
 generate: .venv/installed ## writes the pages that follow from the package's tables: parameters, outputs
 	@.venv/bin/python scripts/generate_pages.py
@@ -94,6 +98,11 @@ clean: ## remove what was built, made and measured here, .venv included
 
 .venv/installed: setup.py setup.cfg constraints.txt scripts/make_venv
 	@scripts/make_venv
+
+# What shows: Rerun, the docs' site, the notebook, and what drives a browser in tests.
+.venv/docs.installed: .venv/installed
+	@.venv/bin/python -m pip install --quiet -c constraints.txt --no-build-isolation -e '.[view,docs]'
+	@touch $@
 
 .venv/messages.installed: .venv/installed scripts/make_messages $(wildcard scripts/message_packages/* scripts/message_packages/*/* scripts/message_packages/*/msg/*)
 	@scripts/make_messages

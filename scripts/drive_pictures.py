@@ -25,8 +25,8 @@ def main() -> None:
     """Writes the strip and the video."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path, help="folder to write to")
-    parser.add_argument("--seed", type=int, default=1000011, help="seed of the simulated drive")
-    parser.add_argument("--frames", type=int, default=24, help="frames to simulate, 10 a second")
+    parser.add_argument("--seed", type=int, default=1000007, help="seed of the simulated drive")
+    parser.add_argument("--frames", type=int, default=10, help="frames to simulate, 10 a second")
     options = parser.parse_args()
     estimator, depths = Estimator(), dict[int, DepthResult]()
 

@@ -1,8 +1,8 @@
 """Hooks of mkdocs: which files are pages of the site, under the paths that they have in the checkout.
 
-So that all links are the same here and on a forge, a page's path is that from the checkout's root. Beside README, docs and the
-pages of scripts there are: one page for each room's docstrings, the changelog, the notebook's cells, and each file that a
-page links, as it is.
+So that all links are the same here and on a forge, a page's path is that from the checkout's root. Beside README, docs
+and the pages of scripts there are: one page for each room's docstrings, the changelog, the notebook's cells, and each
+file that a page links, as it is.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def generated() -> Iterator[tuple[str, str]]:
     names = "".join(f"- [{room}]({room}.md)\n" for room in rooms())
     yield (
         "api/index.md",
-        "# API\n\nThe docstrings of each room; [design.md](../docs/design.md#rooms) says what the rooms are and which may "
-        f"import which.\n\n{names}",
+        "# API\n\nThe docstrings of each room; [design.md](../docs/design.md#rooms) says what the rooms are and which "
+        f"may import which.\n\n{names}",
     )
     changes = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
     yield "CHANGELOG.md", "# Changes\n" + changes.partition("\n\n")[2].replace("``", "`")
@@ -107,6 +107,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
     def video(found: re.Match[str]) -> str:
         place = (ROOT / folder / found[2]).resolve().relative_to(ROOT).as_posix()
-        return f'<video controls muted playsinline preload="metadata" aria-label="{found[1]}" src="{depth}{place}"></video>'
+        attributes = f'aria-label="{found[1]}" src="{depth}{place}" style="max-width: 100%"'
+        return f'<video controls muted playsinline preload="metadata" {attributes}></video>'
 
     return _VIDEO.sub(video, markdown).replace("(CHANGELOG.rst)", "(CHANGELOG.md)").replace(".ipynb)", ".md)")

@@ -59,7 +59,7 @@ p { color: var(--soft); font-size: .85rem; max-width: 60rem; margin: .5rem 0 0; 
 }
 @media (max-width: 560px) {
   .row { grid-template-columns: repeat(2, minmax(0, 1fr)); }
-  .row figure:nth-child(3) { display: none; }
+  .row figure:nth-child(3), .scales figure:nth-child(2), .ticks.error span:nth-child(even) { display: none; }
 }
 .tiles { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1.2rem 1rem; }
 figure { margin: 0; }
@@ -195,7 +195,7 @@ def _source(tile: Tile, is_photo: bool) -> str:
 
 def _scale(name: str) -> str:
     ticks = _depth_ticks() if name == "depth" else _error_ticks()
-    return f'<span class="scale {name}"></span><div class="ticks">{ticks}</div>'
+    return f'<span class="scale {name}"></span><div class="ticks {name}">{ticks}</div>'
 
 
 def _captioned(title: str, source: str, below: str) -> str:
