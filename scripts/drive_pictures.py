@@ -26,7 +26,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path, help="folder to write to")
     parser.add_argument("--seed", type=int, default=1000007, help="seed of the simulated drive")
-    parser.add_argument("--frames", type=int, default=10, help="frames to simulate, 10 a second")
+    parser.add_argument("--frames", type=int, default=6, help="frames to simulate, 10 a second")
+    parser.add_argument("--bag", type=Path, help="such a drive, if it is there already")
     options = parser.parse_args()
     estimator, depths = Estimator(), dict[int, DepthResult]()
 
@@ -36,8 +37,9 @@ def main() -> None:
         return depths[frame.stamp_ns]
 
     with tempfile.TemporaryDirectory() as folder:
-        bag, strip = Path(folder) / "drive.mcap", Path(folder) / "strip.png"
-        simulate(SimulationConfig(), options.seed, options.frames, bag)
+        bag, strip = options.bag or Path(folder) / "drive.mcap", Path(folder) / "strip.png"
+        if options.bag is None:
+            simulate(SimulationConfig(), options.seed, options.frames, bag)
         view(bag, options.out / "drive.mp4", estimate, options=ViewOptions(width=960))
         view(bag, strip, estimate, options=ViewOptions(frames=3, width=1440))
         picture = cv2.imread(str(strip))
