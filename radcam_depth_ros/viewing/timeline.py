@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -25,6 +27,7 @@ _TIMELINE = "stamp"
 _POINTS = 40_000
 """About so many points of a frame are shown."""
 _BLOCK_BYTES = 1 << 20
+_PATIENCE_S = 60.0
 _RETURN_RADIUS_PX, _RETURN_RADIUS_M = 4.0, 0.25
 
 
@@ -43,12 +46,9 @@ def timeline(target: Path | None) -> Iterator[Callable[[Frame, DepthResult], Non
 
     recording = rerun.RecordingStream("radcam_depth")
     if target is None:
-        try:
-            recording.spawn(default_blueprint=_layout())
-        except (OSError, RuntimeError) as error:
-            raise ViewError(f"the viewer of Rerun cannot be started: {error}; give --save FILE.rrd") from None
+        _start_viewer(recording)
         yield lambda frame, result: _log(recording, frame, result)
-        recording.flush()
+        _flush(recording)
         return
     with whole(target) as temporary, _Pipe(temporary) as pipe:
         recording.save(pipe.entrance, default_blueprint=_layout())
@@ -62,6 +62,28 @@ def timeline(target: Path | None) -> Iterator[Callable[[Frame, DepthResult], Non
             yield add
         finally:
             recording.disconnect()
+
+
+def _start_viewer(recording: Any) -> None:
+    """Starts the viewer of this environment, which need not be on the path, and connects the recording to it."""
+    import rerun
+
+    places = (str(Path(sys.executable).parent), os.environ.get("PATH", ""))
+    program = shutil.which("rerun", path=os.pathsep.join(places))
+    try:
+        rerun.spawn(executable_path=program, recording=recording, default_blueprint=_layout())
+    except (OSError, RuntimeError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ViewError(f"the viewer of Rerun cannot be started: {reason}; give --save FILE.rrd") from None
+
+
+def _flush(recording: Any) -> None:
+    """Waits until the viewer has all; one that was closed takes no more."""
+    try:
+        recording.flush(timeout_sec=_PATIENCE_S)
+    except (OSError, RuntimeError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ViewError(f"the viewer of Rerun did not take the frames: {reason}; give --save FILE.rrd") from None
 
 
 class _Pipe:

@@ -105,6 +105,20 @@ def test_a_recording_for_rerun_has_all_on_one_timeline(drive: Path, tmp_path: Pa
     assert "\n/returns: 5\n" in told
 
 
+def test_a_viewer_that_does_not_start_is_told(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rerun = pytest.importorskip("rerun", reason="the extra `view` is not installed")
+    given: dict[str, Any] = {}
+
+    def refuse(**options: Any) -> None:
+        given.update(options)
+        raise RuntimeError("no display\nand much more")
+
+    monkeypatch.setattr(rerun, "spawn", refuse)
+    with pytest.raises(ViewError, match=r"cannot be started: no display; give --save FILE.rrd"):
+        view(drive, None, depth_of)
+    assert Path(given["executable_path"]).is_file(), "also where it is not on the path"
+
+
 def test_a_video_has_all_frames_at_the_rate_of_the_camera(drive: Path, tmp_path: Path) -> None:
     target = tmp_path / "out" / "drive.mp4"
     assert view(drive, target, depth_of, options=ViewOptions(**NARROW)) == 5
