@@ -11,10 +11,11 @@ import tempfile
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.files import whole
-from radcam_depth_ros.frame import DepthResult, Frame
+from radcam_depth_ros.frame import SKY_FROM, DepthResult, Frame
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 from radcam_depth_ros.viewing import ViewOptions, view
 
@@ -33,7 +34,9 @@ def main() -> None:
 
     def estimate(frame: Frame) -> DepthResult:
         if frame.stamp_ns not in depths:
-            depths[frame.stamp_ns] = estimator.estimate(frame)
+            result = depths[frame.stamp_ns] = estimator.estimate(frame)
+            if result.sky is not None:  # as it is published with `sky: none`
+                result.dense[result.sky >= SKY_FROM] = np.nan
         return depths[frame.stamp_ns]
 
     with tempfile.TemporaryDirectory() as folder:

@@ -8,6 +8,7 @@ file that a page links, as it is.
 from __future__ import annotations
 
 import json
+import logging
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,8 @@ PACKAGE = "radcam_depth_ros"
 NOTEBOOKS = "notebooks"
 _SINGLE = ("README.md", "CONTRIBUTING.md", "benchmarks/README.md", "experiments/README.md")
 _LINK = re.compile(r"(?<=\]\()([^)#:]+)(?=[)#])")
+_LOG = logging.getLogger("mkdocs.hooks.site_pages")
+"""Warnings of mkdocs' loggers fail a strict build."""
 _VIDEO = re.compile(r"\[([^\]]*)\]\(([^)]+\.mp4)\)")
 
 
@@ -107,6 +110,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
     def video(found: re.Match[str]) -> str:
         place = (ROOT / folder / found[2]).resolve().relative_to(ROOT).as_posix()
+        if not (ROOT / place).is_file():
+            _LOG.warning("%s links %s, which is not there", page.file.src_uri, place)
         attributes = f'aria-label="{found[1]}" src="{depth}{place}" style="max-width: 100%"'
         return f'<video controls muted playsinline preload="metadata" {attributes}></video>'
 

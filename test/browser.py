@@ -76,12 +76,17 @@ class Look:
         self.problems: list[str] = []
         self.page.on("console", self._hear)
         self.page.on("pageerror", lambda error: self.problems.append(f"script: {error}"))
-        self.page.on("requestfailed", lambda request: self.problems.append(f"failed: {request.url}"))
+        self.page.on("requestfailed", self._miss)
         self.page.on("response", self._see)
 
     def _hear(self, message: Any) -> None:
         if message.type in ("error", "warning"):
             self.problems.append(f"console: {message.text}")
+
+    def _miss(self, request: Any) -> None:
+        # Of a video a browser takes what it needs, and breaks off.
+        if (request.resource_type, request.failure) != ("media", "net::ERR_ABORTED"):
+            self.problems.append(f"failed: {request.url}, {request.failure}")
 
     def _see(self, response: Any) -> None:
         is_here = response.url.startswith(("http://127.0.0.1:", "file:", "data:", "blob:"))
@@ -93,4 +98,4 @@ class Look:
         self.page.goto(address, wait_until="load")
         self.page.screenshot(path=str(screenshot))
         assert self.page.evaluate(_SIDEWAYS) == [], f"{address} is too wide"
-        assert self.problems == [], address
+        assert self.problems == [], f"{address}: {self.problems}"
