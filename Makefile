@@ -77,7 +77,7 @@ docs: .venv/docs.installed ## executes the commands of README, docs and --help, 
 	@.venv/bin/python scripts/documented_commands.py $(PAGES)
 
 site: .venv/docs.installed ## writes the docs as a site to out/site; fails on a broken link
-	@NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --quiet --strict --site-dir out/site
+	@NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --strict --site-dir out/site
 
 generate: .venv/installed ## writes the pages that follow from the package's tables: parameters, outputs
 	@.venv/bin/python scripts/generate_pages.py
