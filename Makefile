@@ -30,7 +30,7 @@ ENDURANCE = $(shell grep -rl --include='*.py' 'pytest.mark.endurance' test)
 # Version of `make release`.
 VERSION ?=
 
-.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs generate lint lint-files format wheel release clean
+.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs site generate lint lint-files format wheel release clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -48,7 +48,7 @@ else
 	@.venv/bin/python -m pytest -m alone $(ALONE)
 endif
 
-test-exhaustive: .venv/installed ## what `make test` tries in part: torch.export of every network
+test-exhaustive: .venv/installed .venv/docs.installed ## what `make test` tries in part, pages in a browser, the notebook
 	@.venv/bin/python -m pytest -n 2 -m exhaustive $(EXHAUSTIVE)
 
 # nuScenes' devkit wants numpy < 2, so it has an environment of its own.
@@ -76,9 +76,13 @@ check-all: .venv/installed .venv/messages.installed lint ## all tests in both nu
 	@$(MAKE) --no-print-directory lint-files
 	@$(MAKE) --no-print-directory wheel
 	@$(MAKE) --no-print-directory docs
+	@$(MAKE) --no-print-directory site
 
-docs: .venv/installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
+docs: .venv/docs.installed ## executes the commands of README, docs and --help, in copies [PAGES="README.md --help"]
 	@.venv/bin/python scripts/documented_commands.py $(PAGES)
+
+site: .venv/docs.installed ## writes the docs as a site to out/site; fails on a broken link
+	@NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --strict --site-dir out/site
 
 generate: .venv/installed ## writes the pages that follow from the package's tables: parameters, outputs
 	@.venv/bin/python scripts/generate_pages.py
@@ -114,6 +118,11 @@ clean: ## remove what was built, made and measured here, .venv included
 # Apart, since tests need none of these.
 .venv/release.installed: .venv/installed
 	@.venv/bin/python -m pip install --quiet -c constraints.txt --no-build-isolation -e '.[release]'
+	@touch $@
+
+# What shows: Rerun, the docs' site, the notebook, and what drives a browser in tests.
+.venv/docs.installed: .venv/installed
+	@.venv/bin/python -m pip install --quiet -c constraints.txt --no-build-isolation -e '.[view,docs]'
 	@touch $@
 
 .venv/messages.installed: .venv/installed scripts/make_messages $(wildcard scripts/message_packages/* scripts/message_packages/*/* scripts/message_packages/*/msg/*)

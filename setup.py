@@ -88,7 +88,17 @@ setup(
         "weights": [f"radcam-depth-weights=={VERSION}"],
         "fleet": ["fsspec>=2024.6", "ray[client]>=2.50", "s3fs>=2024.6"],
         "onnx": ["onnx>=1.17", "onnxruntime>=1.20", "onnxscript>=0.5"],
+        "view": ["av>=14", "rerun-sdk>=0.26"],
+        "docs": [
+            "ipykernel>=6.29",
+            "mkdocs-material>=9.5",
+            "mkdocstrings[python]>=0.27",
+            "nbclient>=0.10",
+            "nbformat>=5.10",
+            "playwright>=1.48",
+        ],
         "dev": [
+            "av>=14",
             "bandit>=1.8",
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",

@@ -73,7 +73,8 @@ def write_page(path: Path, plan: Plan, traffic: Traffic, evaluation: Evaluation,
     """Writes the report."""
     facts = tuple(_facts(plan, evaluation))
     tables = (traffic.table(), *(tables_of(evaluation) if evaluation.has_ground_truth else ()))
-    write_report(path, f"{plan.bag.resolve().stem} through the live node", facts, tables, keeper.panels())
+    title = f"{plan.bag.resolve().stem} through the live node"
+    write_report(path, title, facts, tables, keeper.panels(), highlights=keeper.highlights())
 
 
 def _facts(plan: Plan, evaluation: Evaluation) -> Iterator[Fact]:

@@ -270,6 +270,21 @@ def project(points_m: npt.NDArray[np.floating], camera: CameraModel) -> tuple[Fl
         return np.stack([u, v], axis=1).astype(np.float32), depth
 
 
+def unproject(depth_m: FloatArray, camera: CameraModel) -> FloatArray:
+    """The point of each pixel.
+
+    Args:
+        depth_m: (H, W) float32 depth along z in metres, at the camera's size.
+        camera: The camera.
+
+    Returns:
+        (H, W, 3) float32 metres in the camera's frame.
+    """
+    x = (np.arange(camera.width, dtype=np.float32) - np.float32(camera.cx)) / np.float32(camera.fx)
+    y = (np.arange(camera.height, dtype=np.float32) - np.float32(camera.cy)) / np.float32(camera.fy)
+    return np.stack([depth_m * x[None, :], depth_m * y[:, None], depth_m], axis=-1)
+
+
 def depth_image(points_m: npt.NDArray[np.floating], camera: CameraModel) -> FloatArray:
     """Draws points (N, 3) in camera axes as a depth image (H, W) float32: NaN where there is none, the nearest wins."""
     uv, depth = project(points_m, camera)

@@ -17,7 +17,7 @@ from radcam_depth_ros.drive import Sample, read_samples
 from radcam_depth_ros.estimator import Estimator
 from radcam_depth_ros.files import whole
 from radcam_depth_ros.frame import SKY_FROM, CameraModel, DepthResult, FloatArray, ImageArray
-from radcam_depth_ros.geometry import project
+from radcam_depth_ros.geometry import project, unproject
 from radcam_depth_ros.reporting.pictures import draw_depth, draw_radar
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 
@@ -36,14 +36,6 @@ def drawn_frame(seed: int, frames: int, index: int) -> tuple[Sample, DepthResult
     if result.sky is not None:  # as it is published with `sky: none`
         result.dense[result.sky >= SKY_FROM] = np.nan
     return sample, result
-
-
-def points_of(result: DepthResult) -> FloatArray:
-    """The point of each pixel, (H, W, 3) metres in the camera's frame."""
-    camera, depth_m = result.camera, result.dense
-    x = (np.arange(camera.width, dtype=np.float32) - np.float32(camera.cx)) / np.float32(camera.fx)
-    y = (np.arange(camera.height, dtype=np.float32) - np.float32(camera.cy)) / np.float32(camera.fy)
-    return np.stack([depth_m * x[None, :], depth_m * y[:, None], depth_m], axis=-1)
 
 
 def seen_from_behind(points_m: FloatArray, colours: ImageArray, size: tuple[int, int]) -> ImageArray:
@@ -72,7 +64,7 @@ def picture(sample: Sample, result: DepthResult) -> ImageArray:
     image = cv2.resize(sample.frame.image, (result.camera.width, result.camera.height))
     uv, depth_m = project(sample.frame.radar.xyz_m, result.camera)
     shown = ((result.dense < _FAR_M) & (result.confidence > _SURE))[::2, ::2]
-    points = points_of(result)[::2, ::2][shown]
+    points = unproject(result.dense, result.camera)[::2, ::2][shown]
     cloud = seen_from_behind(points, image[::2, ::2][shown], (_WIDTH, _HEIGHT))
     panels = {
         "camera and radar returns": draw_radar(image, uv, depth_m),

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from unprojection import unproject
 
 from radcam_depth_ros.bags import factory
 from radcam_depth_ros.encoder import Encoder, OutputConfig
 from radcam_depth_ros.frame import CameraModel, DepthResult, FloatArray, Frame, RadarReturns
+from radcam_depth_ros.geometry import unproject
 from radcam_depth_ros.messages import decode_points
 
 ROOT = Path(__file__).parents[1]

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
-from unprojection import unproject
 
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, FrameError, GroundPlane
 from radcam_depth_ros.geometry import (
@@ -18,6 +17,7 @@ from radcam_depth_ros.geometry import (
     ground_coefficients,
     ground_plane,
     project,
+    unproject,
 )
 
 finite = st.floats(-50, 50, allow_nan=False)
@@ -91,6 +91,14 @@ def test_a_depth_image_gives_its_points_back_and_the_nearest_wins() -> None:
     depth = np.random.default_rng(0).uniform(2, 60, (48, 64)).astype(np.float32)
     points = unproject(depth, camera).reshape(-1, 3)
     np.testing.assert_allclose(depth_image(np.vstack([points * 1.5, points]), camera), depth, rtol=1e-5)
+
+
+def test_pixels_and_their_points_are_one() -> None:
+    camera = CameraModel(6, 4, 5.0, 7.0, 2.5, 1.5)
+    depth_m = np.linspace(1, 30, 24, dtype=np.float32).reshape(4, 6)
+    uv, z = project(unproject(depth_m, camera).reshape(-1, 3), camera)
+    assert np.allclose(z, depth_m.ravel())
+    assert np.allclose(uv, [[column, row] for row in range(4) for column in range(6)], atol=1e-4)
 
 
 def test_an_empty_cloud_is_an_empty_depth_image() -> None:

@@ -340,5 +340,6 @@ def _write_report(path: Path, measured: _Measured) -> None:
     evaluation, sources = measured.evaluation, measured.sources
     where = sources[0].bag.resolve().name if len(sources) == 1 else f"{len(sources)} bags"
     tables = (*tables_of(evaluation), measured.log.worst_table())
-    panels = measured.panels.panels() if measured.panels else ()
-    write_report(path, f"{evaluation.network} on {where}", measured.facts(), tables, panels, plots_of(evaluation))
+    panels, highlights = (measured.panels.panels(), measured.panels.highlights()) if measured.panels else ((), ())
+    title = f"{evaluation.network} on {where}"
+    write_report(path, title, measured.facts(), tables, panels, plots_of(evaluation), highlights)

@@ -1,4 +1,4 @@
-"""`radcam-depth view`: draws a recorded or live drive as a video or pictures."""
+"""`radcam-depth view`: shows a recorded or live drive as a video, pictures, or in Rerun."""
 
 from __future__ import annotations
 
@@ -41,8 +41,19 @@ def view(
         Path, typer.Argument(help=f"A rosbag2 folder or .mcap file, or `{_LIVE}`: what a node publishes now.")
     ],
     save: Annotated[
-        Path, typer.Option(help="Video (.mp4), strip of evenly spread frames (.png), or folder for single pictures.")
-    ],
+        Path | None,
+        typer.Option(
+            help="Video (.mp4), strip of evenly spread frames (.png), recording for Rerun (.rrd), or folder for single "
+            "pictures."
+        ),
+    ] = None,
+    rerun: Annotated[
+        bool,
+        typer.Option(
+            "--rerun",
+            help="Show camera, returns, depth, points and confidence on one timeline in Rerun, or --save them as .rrd.",
+        ),
+    ] = False,
     network: Annotated[
         str | None,
         typer.Option(help=f"Network to run; by default the bag's own depth, or {NETWORK} where it has none."),
@@ -75,10 +86,13 @@ def view(
 
     With a running node: radcam-depth view topics --save out/live.mp4 --seconds 10
 
+    In Rerun: radcam-depth view out/shown --rerun
+
     Example: radcam-depth simulate out/shown --seed 7 --frames 20 && radcam-depth view out/shown --save out/shown.mp4
     """
     from radcam_depth_ros import viewing
 
+    _require_target(save, rerun)
     keep_apart((save,), (bag, depth, params, model))
     estimation = estimator_parameters(network, model, device, precision, runtime, threads)
     given = {"image_topic": image, "radar_topics": radar or None, **estimation}
@@ -98,7 +112,17 @@ def view(
     else:
         is_estimated = network is not None or model is not None
         shown = _view_bag(bag, save, depth, node, options, is_estimated=is_estimated)
-    PlainConsole(stderr=True).print(f"{save}: {shown} pictures", soft_wrap=True)
+    PlainConsole(stderr=True).print(f"{save or 'Rerun'}: {shown} pictures", soft_wrap=True)
+
+
+def _require_target(save: Path | None, is_rerun: bool) -> None:
+    """Refuses options that name no place to show the drive, or two."""
+    from radcam_depth_ros import viewing
+
+    if save is None and not is_rerun:
+        raise viewing.ViewError("expected a place for the pictures; give --save FILE.mp4, or --rerun for the viewer")
+    if save is not None and is_rerun and save.suffix != ".rrd":
+        raise viewing.ViewError(f"--rerun saves recordings (.rrd), not {save.name}; leave --rerun out, or give an .rrd")
 
 
 def _is_live(bag: Path) -> bool:
@@ -107,7 +131,7 @@ def _is_live(bag: Path) -> bool:
 
 def _view_bag(
     bag: Path,
-    save: Path,
+    save: Path | None,
     depth: Path | None,
     node: NodeParameters,
     options: ViewOptions,
@@ -154,7 +178,7 @@ def _estimate(node: NodeParameters) -> Callable[[Frame], DepthResult | None]:
 
 
 def _view_live(
-    save: Path, settings: DriveSettings, options: ViewOptions, namespace: str | None, seconds: float | None
+    save: Path | None, settings: DriveSettings, options: ViewOptions, namespace: str | None, seconds: float | None
 ) -> int:
     from radcam_depth_ros import viewing
 

@@ -12,12 +12,14 @@ import numpy as np
 from radcam_depth_ros.files import write_text
 from radcam_depth_ros.messages import colorise
 from radcam_depth_ros.printable import printable
-from radcam_depth_ros.reporting.panel import Panel, Tile, draw_panel
+from radcam_depth_ros.reporting.panel import Highlight, Panel, Tile, draw_panel
 from radcam_depth_ros.reporting.pictures import DEPTH_TICKS_M, ERROR_M, FAR_M, NEAR_M, colour_error, encode, scale_share
 from radcam_depth_ros.reporting.plot import Plot, draw_plot
 from radcam_depth_ros.reporting.table import Fact, Table
 
 _ERROR_TICKS_M = (-10, -5, 0, 5, 10)
+_HIGHLIGHTED = ("camera and radar", "dense depth", "error of the dense depth")
+"""Pictures of a frame at the top of the page."""
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1c1e21; --soft: #5c636b; --paper: #fbfbfa; --line: #d9dcdf; --tint: #f1f2f3; }
 @media (prefers-color-scheme: dark) {
@@ -26,7 +28,12 @@ _STYLE = """
 * { box-sizing: border-box; }
 body { margin: 0 auto; max-width: 1560px; padding: 2rem 2rem 4rem; background: var(--paper); color: var(--ink);
   font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
-h1 { font-size: 1.6rem; font-weight: 600; margin: 0 0 1.2rem; }
+h1 { font-size: 1.6rem; font-weight: 600; margin: 0; overflow-wrap: anywhere; }
+header { display: flex; flex-wrap: wrap; gap: .4rem 2rem; align-items: baseline; margin: 0 0 1rem; }
+nav { display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; }
+nav a { color: inherit; }
+:focus-visible { outline: 3px solid #3b82f6; outline-offset: 2px; }
+[id] { scroll-margin-top: 1rem; margin-top: 2rem; }
 h2 { font-size: 1.1rem; font-weight: 600; margin: 2.4rem 0 .7rem; }
 dl { display: grid; grid-template-columns: repeat(auto-fill, minmax(16rem, 1fr)); gap: .8rem 2rem; margin: 0; }
 dt { color: var(--soft); font-size: .85rem; }
@@ -37,6 +44,23 @@ th, td { padding: .3rem .9rem; text-align: right; border-bottom: 1px solid var(-
 th:first-child, td:first-child { text-align: left; padding-left: 0; }
 thead th { color: var(--soft); font-weight: 500; font-size: .85rem; }
 p { color: var(--soft); font-size: .85rem; max-width: 60rem; margin: .5rem 0 0; }
+.first { display: grid; grid-template-columns: repeat(3, minmax(0, 1fr)); gap: 1rem; }
+.first h2 { margin: 0; }
+.first p { margin: 0 0 .5rem; }
+.row { display: grid; gap: .5rem; }
+.scales { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 0 3rem; }
+.scales figure { margin-top: .5rem; }
+@media (max-width: 900px) {
+  body { padding: 1rem 1rem 3rem; }
+  h1 { font-size: 1.2rem; }
+  .first { grid-template-columns: minmax(0, 1fr); gap: .6rem; }
+  .first h2, .first p { display: inline; margin-right: .6rem; font-size: .9rem; }
+  .row { grid-template-columns: repeat(3, minmax(0, 1fr)); margin-top: .2rem; }
+}
+@media (max-width: 560px) {
+  .row { grid-template-columns: repeat(2, minmax(0, 1fr)); }
+  .row figure:nth-child(3), .scales figure:nth-child(2), .ticks.error span:nth-child(even) { display: none; }
+}
 .tiles { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1.2rem 1rem; }
 figure { margin: 0; }
 img { display: block; width: 100%; height: auto; background: #222; border-radius: 3px; }
@@ -56,6 +80,7 @@ def write_report(
     tables: Sequence[Table] = (),
     panels: Sequence[Panel] = (),
     plots: Sequence[Plot] = (),
+    highlights: Sequence[Highlight] = (),
 ) -> None:
     """Writes the page, under a temporary name that is then renamed.
 
@@ -66,17 +91,21 @@ def write_report(
         tables: Tables, in order.
         panels: Frames to show, in order.
         plots: Curves to show, in order.
+        highlights: Frames at the very top, before all figures.
 
     Raises:
         ReportError: when the file cannot be written.
     """
-    sections = [
-        _facts(facts),
-        *(_table(table) for table in tables),
-        _plots(plots),
-        *(_panel(panel) for panel in panels),
-    ]
-    body = "\n".join(section for section in sections if section)
+    parts = {
+        "facts": _facts(facts),
+        "tables": "\n".join(map(_table, tables)),
+        "curves": _plots(plots),
+        "frames": "\n".join(map(_panel, panels)),
+    }
+    shown = {name: part for name, part in parts.items() if part}
+    body = "\n".join(f'<div id="{name}">{part}</div>' for name, part in shown.items())
+    links = "".join(f'<a href="#{name}">{name}</a>' for name in shown) if len(shown) > 1 else ""
+    head = f"<h1>{_escaped(title)}</h1>{f'<nav>{links}</nav>' if links else ''}"
     write_text(
         path,
         f"""<!DOCTYPE html>
@@ -88,8 +117,11 @@ def write_report(
 <style>{_STYLE}{_scale_style()}</style>
 </head>
 <body>
-<h1>{_escaped(title)}</h1>
+<header>{head}</header>
+<main>
+{_highlights(highlights)}
 {body}
+</main>
 </body>
 </html>
 """,
@@ -105,12 +137,34 @@ def _facts(facts: Sequence[Fact]) -> str:
     return f"<dl>{''.join(lines)}</dl>" if facts else ""
 
 
+def _highlights(highlights: Sequence[Highlight]) -> str:
+    """Frames side by side, or below one another where there is little room, with their scales once."""
+    articles = []
+    for highlight in highlights:
+        tiles = {tile.title: tile for tile in draw_panel(highlight.panel)}
+        names = [name for name in _HIGHLIGHTED if name in tiles]
+        figures = "".join(
+            _captioned(name, _source(tiles[name], is_photo=not index), "") for index, name in enumerate(names)
+        )
+        articles.append(
+            f"<article><h2>{_escaped(highlight.title.capitalize())}</h2><p>{_escaped(highlight.panel.title)}</p>"
+            f'<div class="row">{figures}</div></article>'
+        )
+    if not articles:
+        return ""
+    scales = "".join(f"<figure>{_scale(name)}</figure>" for name in ("depth", "error"))
+    return (
+        f'<section class="first" aria-label="Frames">{"".join(articles)}</section>\n<div class="scales">{scales}</div>'
+    )
+
+
 def _table(table: Table) -> str:
     head = "".join(f'<th scope="col">{_escaped(column)}</th>' for column in table.columns)
     rows = "\n".join(f"<tr>{''.join(f'<td>{_escaped(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
     note = f"\n<p>{_escaped(table.note)}</p>" if table.note else ""
-    return f"""<section><h2>{_escaped(table.title)}</h2>
-<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>
+    name = _escaped(table.title)
+    return f"""<section><h2>{name}</h2>
+<div class="wide" role="region" tabindex="0" aria-label="{name}"><table><thead><tr>{head}</tr></thead><tbody>
 {rows}
 </tbody></table></div>{note}</section>"""
 
@@ -131,10 +185,17 @@ def _panel(panel: Panel) -> str:
 
 
 def _figure(tile: Tile, is_photo: bool) -> str:
+    return _captioned(tile.title, _source(tile, is_photo), _scale(tile.scale))
+
+
+def _source(tile: Tile, is_photo: bool) -> str:
     # Photographs are ten times as large as PNG; flat colours are not, and must stay what the scale says.
-    source = _data_uri(*(("jpeg", encode(tile.image, ".jpg")) if is_photo else ("png", encode(tile.image))))
-    ticks = _depth_ticks() if tile.scale == "depth" else _error_ticks()
-    return _captioned(tile.title, source, f'<span class="scale {tile.scale}"></span><div class="ticks">{ticks}</div>')
+    return _data_uri(*(("jpeg", encode(tile.image, ".jpg")) if is_photo else ("png", encode(tile.image))))
+
+
+def _scale(name: str) -> str:
+    ticks = _depth_ticks() if name == "depth" else _error_ticks()
+    return f'<span class="scale {name}"></span><div class="ticks {name}">{ticks}</div>'
 
 
 def _captioned(title: str, source: str, below: str) -> str:

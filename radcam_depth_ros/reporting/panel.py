@@ -63,6 +63,19 @@ class Panel:
 
 
 @dataclass(frozen=True)
+class Highlight:
+    """A frame that stands at the top of a report.
+
+    Attributes:
+        title: Why it does, such as "the worst frame".
+        panel: The frame.
+    """
+
+    title: str
+    panel: Panel
+
+
+@dataclass(frozen=True)
 class Tile:
     """One picture of a panel.
 

@@ -13,10 +13,10 @@ import numpy as np
 from radcam_depth_ros.bags import BagError, SensorTopics
 from radcam_depth_ros.bags.topics import TopicChooser
 from radcam_depth_ros.drive import DriveSettings, motion_topics
-from radcam_depth_ros.frame import ImageArray, RadcamDepthError
+from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import TRANSFORM_TOPICS, FrameBuilder, FrameBuilderConfig
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
-from radcam_depth_ros.viewing.picture import ViewError, draw_picture
+from radcam_depth_ros.viewing.picture import ViewError
 from radcam_depth_ros.viewing.recorded import RecordedDepth, Source, find_recorded_depth
 from radcam_depth_ros.viewing.view import RATES_HZ, STRIP_FRAMES, ViewOptions, frames_of
 
@@ -41,7 +41,7 @@ class LiveSource(Source, Protocol):
 
 def view_live(
     source: LiveSource,
-    target: Path | str,
+    target: Path | str | None,
     settings: DriveSettings | None = None,
     options: ViewOptions | None = None,
     namespace: str | None = None,
@@ -52,7 +52,8 @@ def view_live(
 
     Args:
         source: The live topics.
-        target: A video (.mp4), a strip of the first frames below one another (.png), or a folder to make.
+        target: A video (.mp4), a strip of the first frames below one another (.png), a recording for Rerun (.rrd), or a
+            folder to make; None for the viewer of Rerun.
         settings: Which topics are the camera and the radars.
         options: Which frames; of those that have depth.
         namespace: Of the node's topics; by default where its depth is found.
@@ -65,28 +66,30 @@ def view_live(
     Raises:
         RadcamDepthError: when the topics are not there, nothing comes on them, or the target cannot be written.
     """
-    target, settings, options = Path(target), settings or DriveSettings(), options or ViewOptions()
+    target = None if target is None else Path(target)
+    settings, options = settings or DriveSettings(), options or ViewOptions()
     check_target(target)
     topics, place = source.find(lambda: _find(source, settings, namespace))
     if not topics.radars:
         warn(f"radar returns are not drawn: radars with {TRANSFORM_TOPICS[0]} were not found")
     refused: list[RadcamDepthError] = []
     depth = RecordedDepth(source, place, is_live=True)
-    numbered = enumerate(_pictures(source, depth, topics, settings, options, refused.append), 1)
-    pictures = itertools.islice(numbered, options.frames or (STRIP_FRAMES if target.suffix == STRIP else None))
-    first = list(itertools.islice(pictures, _TIMED_PICTURES))
+    numbered = enumerate(_frames(source, depth, topics, settings, options, refused.append), 1)
+    is_strip = target is not None and target.suffix == STRIP
+    frames = itertools.islice(numbered, options.frames or (STRIP_FRAMES if is_strip else None))
+    first = list(itertools.islice(frames, _TIMED_PICTURES))
     if not first:
         raise ViewError(
             f"no image came with depth: {source.describe((topics.image, topics.camera_info, *depth.topics))}"
             f"{f'; {refused[-1]}' if refused else ''}; see whether the node is active, and /diagnostics"
         )
-    gaps_s = np.diff([stamp_ns for _, (stamp_ns, _) in first]) / 1e9
+    gaps_s = np.diff([frame.stamp_ns for _, (frame, _) in first]) / 1e9
     forward_s = gaps_s[gaps_s > 0]  # not those of stamps that begin anew
     rate_hz = 1 / float(np.median(forward_s)) if forward_s.size else 1.0
     shown = 0
-    with output(target, float(np.clip(rate_hz, *RATES_HZ))) as add:
-        for shown, (_, picture) in itertools.chain(first, pictures):
-            add(picture)
+    with output(target, float(np.clip(rate_hz, *RATES_HZ)), options.width) as add:
+        for shown, (frame, result) in itertools.chain(first, frames):
+            add(frame, result)
             progress(shown)
     return shown
 
@@ -124,15 +127,15 @@ def _frame_builder_of(topics: SensorTopics, settings: DriveSettings) -> FrameBui
     return settings.frame_builder_of(topics)
 
 
-def _pictures(
+def _frames(
     source: LiveSource,
     depth: RecordedDepth,
     topics: SensorTopics,
     settings: DriveSettings,
     options: ViewOptions,
     refused: Callable[[RadcamDepthError], None],
-) -> Iterator[tuple[int, ImageArray]]:
-    """Stamp (ns) and picture of the frames that have depth."""
+) -> Iterator[tuple[Frame, DepthResult]]:
+    """The frames that have depth, with it."""
     frame_builder = FrameBuilder(_frame_builder_of(topics, settings))
     names = motion_topics(topics, frame_builder.config) | (
         {topics.tf_static: TRANSFORM_TOPICS[0]} if topics.tf_static else {}
@@ -140,5 +143,4 @@ def _pictures(
     messages = source.messages({topics.image, topics.camera_info, *topics.radars, *names})
     results = ((frame, depth.predict(frame)) for frame in frames_of(messages, frame_builder, names, refused))
     complete = ((frame, result) for frame, result in results if result is not None)
-    for frame, result in itertools.islice(complete, 0, None, options.every):
-        yield frame.stamp_ns, draw_picture(frame, result, options.width)
+    yield from itertools.islice(complete, 0, None, options.every)

@@ -1,112 +1,99 @@
-"""Writes pictures as a video, a folder or one strip, whole or not at all."""
+"""Writes frames and their depth as a video, a folder, one strip or a Rerun recording, whole or not at all."""
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
 from radcam_depth_ros.files import FileError, whole
-from radcam_depth_ros.frame import ImageArray
-from radcam_depth_ros.viewing.picture import ViewError
+from radcam_depth_ros.frame import DepthResult, Frame, ImageArray
+from radcam_depth_ros.viewing.picture import ViewError, draw_picture
+from radcam_depth_ros.viewing.timeline import timeline
+from radcam_depth_ros.viewing.video import video
 
-Add = Callable[[ImageArray], None]
-VIDEO, STRIP, FOLDER = ".mp4", ".png", ""
+Add = Callable[[Frame, DepthResult], None]
+AddPicture = Callable[[ImageArray], None]
+VIDEO, STRIP, FOLDER, RECORDING = ".mp4", ".png", "", ".rrd"
+_NEEDED = {VIDEO: ("av", "a video (.mp4)"), RECORDING: ("rerun", "showing a drive in Rerun")}
+"""Packages of the extra `view`."""
 
 
-def check_target(target: Path) -> None:
-    """Refuses a place that is of no known kind, or taken.
+def check_target(target: Path | None) -> None:
+    """Refuses a place that is of no known kind, or taken, or that needs a package which is not installed.
+
+    Args:
+        target: The place; None for the viewer of Rerun.
 
     Raises:
         ViewError: for such a place.
     """
-    if target.suffix not in (VIDEO, STRIP, FOLDER):
+    suffix = RECORDING if target is None else target.suffix
+    if target is not None and suffix not in (VIDEO, STRIP, FOLDER, RECORDING):
         raise ViewError(
-            f"cannot save pictures as {target.name}; give a video (.mp4), a strip of frames (.png), or a folder's name"
+            f"cannot save pictures as {target.name}; give a video (.mp4), a strip of frames (.png), a recording for "
+            "Rerun (.rrd), or a folder's name"
         )
-    if target.suffix == FOLDER and target.exists():
+    if target is not None and suffix == FOLDER and target.exists():
         raise ViewError(f"{target} exists already; choose another name, or remove it")
+    package, purpose = _NEEDED.get(suffix, ("", ""))
+    if package and importlib.util.find_spec(package) is None:
+        raise ViewError(
+            f"{purpose} needs the package {package}, which is not installed; install the extra `view` of this package "
+            "with pip"
+        )
 
 
 @contextmanager
-def output(target: Path, rate_hz: float) -> Iterator[Add]:
-    """What takes picture after picture, all of one size; the target is there when the block succeeds.
+def output(target: Path | None, rate_hz: float, width: int) -> Iterator[Add]:
+    """What takes frame after frame, all of one camera; the target is there when the block succeeds.
 
     Args:
-        target: A video (.mp4), a strip (.png), or a folder for numbered PNGs.
+        target: A video (.mp4), a strip (.png), a recording for Rerun (.rrd), or a folder for numbered PNGs; None for
+            the viewer of Rerun.
         rate_hz: Pictures a second of a video.
+        width: Of a picture, pixels.
 
     Raises:
-        ViewError: when there was no picture, or OpenCV cannot write it.
+        ViewError: when there was no frame, or OpenCV cannot write it.
         FileError: when it cannot be written there.
     """
     check_target(target)
-    kinds = {VIDEO: _video, STRIP: _strip, FOLDER: _folder}
-    with kinds[target.suffix](target, rate_hz) as write:
+    with _kind(target, rate_hz, width) as write:
         count = 0
 
-        def add(picture: ImageArray) -> None:
+        def add(frame: Frame, result: DepthResult) -> None:
             nonlocal count
             count += 1
-            write(picture)
+            write(frame, result)
 
         yield add
         if not count:
             raise ViewError("no image of the bag has depth, so there is nothing to show; run `radcam-depth inspect`")
 
 
-@contextmanager
-def _video(target: Path, rate_hz: float) -> Iterator[Add]:
-    with whole(target) as temporary:
-        writer: Any = None
-        count = 0
-
-        def add(picture: ImageArray) -> None:
-            nonlocal writer, count
-            count += 1
-            if writer is None:
-                height, width = picture.shape[:2]
-                code = cv2.VideoWriter.fourcc(*"mp4v")
-                writer = cv2.VideoWriter(str(temporary), code, rate_hz, (width, height))
-                if not writer.isOpened():
-                    raise ViewError(
-                        f"this build of OpenCV ({cv2.__version__}) cannot write {target}; check that its folder can be "
-                        "written, or give a folder's name for single pictures"
-                    )
-            writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-
-        try:
-            yield add
-        finally:
-            if writer is not None:
-                writer.release()
-        _require_frames(temporary, target, count)
-
-
-def _require_frames(written: Path, target: Path, count: int) -> None:
-    """Opens a video again: OpenCV does not say when the disk is full."""
-    video = cv2.VideoCapture(str(written))
-    try:
-        found = 0
-        while found < count and video.grab():
-            found += 1
-    finally:
-        video.release()
-    if found < count:
-        raise FileError(
-            f"cannot write {target}: of {count} pictures {found} are in the video; is the disk full? Make room, or "
-            "choose another place"
-        )
+def _kind(target: Path | None, rate_hz: float, width: int) -> AbstractContextManager[Add]:
+    if target is None or target.suffix == RECORDING:
+        return timeline(target)
+    if target.suffix == VIDEO:
+        return _drawn(video(target, rate_hz), width)
+    return _drawn(_strip(target) if target.suffix == STRIP else _folder(target), width)
 
 
 @contextmanager
-def _strip(target: Path, _: float) -> Iterator[Add]:
+def _drawn(pictures: AbstractContextManager[AddPicture], width: int) -> Iterator[Add]:
+    with pictures as add:
+        yield lambda frame, result: add(draw_picture(frame, result, width))
+
+
+@contextmanager
+def _strip(target: Path) -> Iterator[AddPicture]:
     pictures: list[ImageArray] = []
     yield pictures.append
     if pictures:
@@ -115,7 +102,7 @@ def _strip(target: Path, _: float) -> Iterator[Add]:
 
 
 @contextmanager
-def _folder(target: Path, _: float) -> Iterator[Add]:
+def _folder(target: Path) -> Iterator[AddPicture]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.partial-"))

@@ -13,7 +13,7 @@ from radcam_depth_ros.drive import DriveSettings, motion_topics, prime
 from radcam_depth_ros.frame import DepthResult, Frame, RadcamDepthError
 from radcam_depth_ros.frame_builder import FrameBuilder
 from radcam_depth_ros.viewing.output import STRIP, check_target, output
-from radcam_depth_ros.viewing.picture import SMALLEST_WIDTH, ViewError, draw_picture
+from radcam_depth_ros.viewing.picture import SMALLEST_WIDTH, ViewError
 from radcam_depth_ros.viewing.recorded import StoredMessage
 
 STRIP_FRAMES = 5
@@ -43,7 +43,7 @@ class ViewOptions:
 
 def view(
     bag: Path | str,
-    target: Path | str,
+    target: Path | str | None,
     estimate: Callable[[Frame], DepthResult | None],
     settings: DriveSettings | None = None,
     options: ViewOptions | None = None,
@@ -53,7 +53,8 @@ def view(
 
     Args:
         bag: A rosbag2 folder or .mcap file.
-        target: A video (.mp4), a strip of evenly spread frames below one another (.png), or a folder to make.
+        target: A video (.mp4), a strip of evenly spread frames below one another (.png), a recording for
+            Rerun (.rrd), or a folder to make; None for the viewer of Rerun.
         estimate: Gives a frame's depth; a frame of which it gives None is left out.
         settings: How the bag is read.
         options: Which frames.
@@ -65,22 +66,23 @@ def view(
     Raises:
         RadcamDepthError: for a bag that cannot be used, or a target that cannot be written.
     """
-    target, settings, options = Path(target), settings or DriveSettings(), options or ViewOptions()
+    target = None if target is None else Path(target)
+    settings, options = settings or DriveSettings(), options or ViewOptions()
     check_target(target)
     with BagReader(bag) as reader:
         topics = settings.find_topics(reader)
         images = reader.count([topics.image])
-        picks = _picks(images, options, spread=target.suffix == STRIP)
+        picks = _picks(images, options, spread=target is not None and target.suffix == STRIP)
         seconds = reader.duration_ns / 1e9
         rate_hz = (images - 1) / seconds / options.every if seconds > 0 else 1.0
         shown = looked_at = 0
-        with output(target, float(np.clip(rate_hz, *RATES_HZ))) as add:
+        with output(target, float(np.clip(rate_hz, *RATES_HZ)), options.width) as add:
             for index, frame in enumerate(_frames(reader, topics, settings)):
                 if index not in picks:
                     continue
                 result = estimate(frame)
                 if result is not None:
-                    add(draw_picture(frame, result, options.width))
+                    add(frame, result)
                     shown += 1
                 looked_at += 1
                 progress(looked_at, len(picks))

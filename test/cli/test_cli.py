@@ -136,6 +136,8 @@ def test_view_shows_what_a_network_gives_or_what_was_recorded(
     assert run_main(monkeypatch, "view", drive, "--save", tmp_path / "c.png", "--depth", drive) == 2
     both = ("--depth", depth, "--network", "baff")
     assert run_main(monkeypatch, "view", drive, "--save", tmp_path / "c.png", *both) == 2
+    for place in ((), ("--rerun", "--save", tmp_path / "c.png")):
+        assert run_main(monkeypatch, "view", drive, *place) == 2
     assert not (tmp_path / "c.png").exists()
 
 

@@ -26,6 +26,7 @@ ROOT = Path(__file__).parents[2]
         ("replay", "out.mcap", ()),
         ("replay", "out", ()),
         ("view", "out.mp4", ("--save",)),
+        ("view", "out.rrd", ("--save",)),
         ("view", "out.png", ("--save",)),
         ("view", "pictures", ("--save",)),
         ("evaluate", "out.json", ("--no-baselines", "--json")),
@@ -42,6 +43,8 @@ def test_a_full_disk(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    if out.endswith(".rrd"):
+        pytest.importorskip("rerun", reason="the extra `view` is not installed")
     drive = write_drive(tmp_path / "drive.mcap", frames=3)
     place = tmp_path / "outputs"
     place.mkdir()

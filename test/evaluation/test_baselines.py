@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from unprojection import unproject
 
 from radcam_depth_ros.drive import read_samples
 from radcam_depth_ros.evaluation.baselines import (
@@ -21,6 +20,7 @@ from radcam_depth_ros.evaluation.baselines import (
 )
 from radcam_depth_ros.evaluation.measures.metrics import DepthAccumulator, DepthRange
 from radcam_depth_ros.frame import ASSUMED_HEIGHT_M, CameraModel, Frame, GroundPlane, RadarReturns
+from radcam_depth_ros.geometry import unproject
 
 CAMERA = CameraModel(80, 60, 60.0, 60.0, 39.5, 29.5)
 GROUND = GroundPlane(1.5)

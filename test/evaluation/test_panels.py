@@ -53,3 +53,34 @@ def test_without_ground_truth_no_frame_is_the_worst():
     keeper = PanelKeeper(2)
     keeper.add(make_observation(0, float("nan")))
     assert [panel.title for panel in keeper.panels()] == ["frame 0, stamp 0.000 s"]
+
+
+@pytest.mark.parametrize("frames", [3, 4, 25, 200])
+def test_the_best_the_middle_and_the_worst_frame_stand_out(frames):
+    keeper, errors = PanelKeeper(), np.random.default_rng(frames).permutation(frames)
+    for index, error in enumerate(errors):
+        keeper.add(make_observation(index, mae_m=float(error)))
+    best, middle, worst = keeper.highlights()
+    shown = [float(re.search(r"MAE ([\d.]+)", highlight.panel.title)[1]) for highlight in (best, middle, worst)]
+    assert (shown[0], shown[2]) == (0, frames - 1)
+    assert abs(shown[1] - (frames - 1) / 2) <= max(1, 0.1 * frames)
+    assert [highlight.title for highlight in (best, middle, worst)] == [
+        "the best frame",
+        "the middle frame",
+        "the worst frame",
+    ]
+
+
+@pytest.mark.parametrize(("frames", "titles"), [(0, []), (1, ["worst"]), (2, ["best", "worst"])])
+def test_of_few_frames_none_stands_out_twice(frames, titles):
+    keeper = PanelKeeper()
+    for index in range(frames):
+        keeper.add(make_observation(index, mae_m=float(index)))
+    assert [highlight.title for highlight in keeper.highlights()] == [f"the {title} frame" for title in titles]
+
+
+def test_without_ground_truth_some_frames_stand_at_the_top():
+    keeper = PanelKeeper()
+    for index in range(9):
+        keeper.add(make_observation(index, float("nan")))
+    assert len(keeper.highlights()) == 3

@@ -11,7 +11,7 @@ import pytest
 from radcam_depth_ros.files import FileError
 from radcam_depth_ros.reporting.errors import ReportError
 from radcam_depth_ros.reporting.page import write_report
-from radcam_depth_ros.reporting.panel import Panel, draw_panel
+from radcam_depth_ros.reporting.panel import Highlight, Panel, draw_panel
 from radcam_depth_ros.reporting.pictures import TILE_WIDTH
 from radcam_depth_ros.reporting.plot import Curve, Plot
 from radcam_depth_ros.reporting.table import Fact, Table
@@ -83,10 +83,25 @@ def test_a_report_is_one_page_with_everything_in_it(tmp_path):
     for shown in ("A drive <1>", "baff & co", "MAE <50 m>", "4.56", "A note & more.", "frame 0", "2 m", "80 m"):
         assert shown in page.texts
     # Nothing is loaded from elsewhere: every reference is a data URI.
-    assert all(reference.startswith("data:image/") for reference in page.references)
+    assert all(reference.startswith(("data:image/", "#")) for reference in page.references)
     assert all(url.startswith("data:image/png") for url in re.findall(r"url\(([^)]*)\)", text))
     assert not re.search(r"https?://|<script|@import", text)
     assert [entry.name for entry in path.parent.iterdir()] == ["report.html"]
+
+
+def test_pictures_come_before_tables(tmp_path):
+    path = tmp_path / "report.html"
+    table = Table("Error", ("", "MAE"), (("dense", "1.23"),))
+    highlights = [Highlight("the best frame", make_panel()), Highlight("the worst frame", make_panel(title="frame 9"))]
+    write_report(path, "A drive", tables=[table], panels=[make_panel()], highlights=highlights)
+    text = path.read_text(encoding="utf-8")
+    page = Page(text)
+    assert [alt for alt, _ in page.pictures[:6]] == [TITLES[0], TITLES[2], TITLES[4]] * 2
+    assert page.texts.index("The best frame") < page.texts.index("frame 9") < page.texts.index("Error")
+    targets = [reference[1:] for reference in page.references if reference.startswith("#")]
+    assert targets == ["tables", "frames"]
+    assert all(f'id="{target}"' in text for target in targets)
+    assert 'role="region" tabindex="0" aria-label="Error"' in text
 
 
 def test_a_report_may_be_bare(tmp_path):

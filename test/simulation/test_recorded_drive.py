@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from unprojection import unproject
 
 from radcam_depth_ros import messages, simulation
-from radcam_depth_ros.geometry import TransformTree, ground_coefficients, ground_plane, project
+from radcam_depth_ros.geometry import TransformTree, ground_coefficients, ground_plane, project, unproject
 from radcam_depth_ros.simulation.materials.surfaces import Label
 
 TOPICS = {

@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from small_drive import CAMERA, START_NS
 from radcam_depth_ros.files import FileError
 from radcam_depth_ros.frame import CameraModel, DepthResult, Frame, RadarReturns
 from radcam_depth_ros.viewing import ViewError, ViewOptions, draw_picture, view
+from radcam_depth_ros.viewing.video import _Writer
 
 NARROW = {"width": 480}
 
@@ -58,6 +62,63 @@ def test_a_folder_has_a_picture_of_each_frame(drive: Path, tmp_path: Path, optio
     assert names_in(tmp_path / "out" / "pictures") == [f"{number:06d}.png" for number in range(count)]
 
 
+def test_a_video_is_what_browsers_play(drive: Path, tmp_path: Path) -> None:
+    """H.264 with the index in front, so that it starts before all of it is there."""
+    view(drive, tmp_path / "drive.mp4", depth_of, options=ViewOptions(**NARROW))
+    with av.open(str(tmp_path / "drive.mp4")) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+    written = (tmp_path / "drive.mp4").read_bytes()
+    assert 0 < written.index(b"moov") < written.index(b"mdat")
+
+
+def test_a_video_that_cannot_be_read_again_is_refused(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_Writer, "_write", lambda *_: None)
+    with pytest.raises(FileError, match="disk"):
+        view(drive, tmp_path / "drive.mp4", depth_of, options=ViewOptions(**NARROW))
+    assert names_in(tmp_path) == ["drive.mcap"]
+
+
+@pytest.mark.parametrize(("package", "name"), [("av", "drive.mp4"), ("rerun", "drive.rrd"), ("rerun", None)])
+def test_a_missing_package_is_told_with_its_extra(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: str, name: str | None
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ViewError, match=rf"{package}, which is not installed; install the extra `view`"):
+        view(drive, tmp_path / name if name else None, depth_of)
+    assert names_in(tmp_path) == ["drive.mcap"]
+
+
+def test_a_recording_for_rerun_has_all_on_one_timeline(drive: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra `view` is not installed")
+    target = tmp_path / "out" / "drive.rrd"
+    assert view(drive, target, depth_of) == 5
+    assert names_in(target.parent) == ["drive.rrd"]
+    tool = [str(Path(sys.executable).parent / "rerun"), "rrd"]
+    subprocess.run([*tool, "verify", str(target)], check=True, capture_output=True, timeout=60)
+    told = subprocess.run([*tool, "stats", str(target)], check=True, capture_output=True, text=True, timeout=60).stdout
+    for entity in ("image", "returns", "depth", "semi_dense", "confidence"):
+        assert f"/camera/{entity}: 5\n" in told
+    assert "\n/points: 5\n" in told
+    assert "\n/returns: 5\n" in told
+
+
+def test_a_viewer_that_does_not_start_is_told(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rerun = pytest.importorskip("rerun", reason="the extra `view` is not installed")
+    given: dict[str, Any] = {}
+
+    def refuse(**options: Any) -> None:
+        given.update(options)
+        raise RuntimeError("no display\nand much more")
+
+    monkeypatch.setattr(rerun, "spawn", refuse)
+    with pytest.raises(ViewError, match=r"cannot be started: no display; give --save FILE.rrd"):
+        view(drive, None, depth_of)
+    assert Path(given["executable_path"]).is_file(), "also where it is not on the path"
+
+
 def test_a_video_has_all_frames_at_the_rate_of_the_camera(drive: Path, tmp_path: Path) -> None:
     target = tmp_path / "out" / "drive.mp4"
     assert view(drive, target, depth_of, options=ViewOptions(**NARROW)) == 5
@@ -92,9 +153,11 @@ def test_frames_without_depth_are_left_out(drive: Path, tmp_path: Path) -> None:
     assert view(drive, tmp_path / "pictures", estimate, options=ViewOptions(**NARROW)) == 4
 
 
-@pytest.mark.parametrize("name", ["video.mp4", "strip.png", "pictures"])
+@pytest.mark.parametrize("name", ["video.mp4", "strip.png", "pictures", "drive.rrd"])
 @pytest.mark.parametrize("failure", ["no depth", "error"])
 def test_nothing_remains_after_a_failure(drive: Path, tmp_path: Path, name: str, failure: str) -> None:
+    if name.endswith(".rrd"):
+        pytest.importorskip("rerun", reason="the extra `view` is not installed")
     frames = 0
 
     def estimate(frame: Frame) -> DepthResult | None:
