@@ -93,7 +93,9 @@ def test_package_xml_is_valid_and_says_ament_python() -> None:
 def test_every_import_is_declared(setup_arguments: dict[str, Any], manifest: ElementTree.Element) -> None:
     declared = {requirement_name(r) for r in setup_arguments["install_requires"]}
     declared |= {
-        requirement_name(r) for name in ("sim", "fleet", "onnx", "view") for r in setup_arguments["extras_require"][name]
+        requirement_name(r)
+        for name in ("sim", "fleet", "onnx", "view")
+        for r in setup_arguments["extras_require"][name]
     }
     imported = imported_distributions()
     others = {DISTRIBUTIONS.get(name, name).lower() for name in imported - FROM_ROS}
@@ -104,7 +106,9 @@ def test_every_import_is_declared(setup_arguments: dict[str, Any], manifest: Ele
 def test_nothing_is_declared_that_is_not_imported(setup_arguments: dict[str, Any]) -> None:
     declared = {requirement_name(r) for r in setup_arguments["install_requires"]}
     declared |= {
-        requirement_name(r) for name in ("sim", "fleet", "onnx", "view") for r in setup_arguments["extras_require"][name]
+        requirement_name(r)
+        for name in ("sim", "fleet", "onnx", "view")
+        for r in setup_arguments["extras_require"][name]
     }
     later = {"s3fs", "onnxscript"}  # by fsspec, for s3://; by torch.onnx
     assert declared - later <= {DISTRIBUTIONS.get(name, name).lower() for name in imported_distributions()}
