@@ -66,7 +66,7 @@ def generated() -> Iterator[tuple[str, str]]:
         f"may import which.\n\n{names}",
     )
     changes = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
-    yield "CHANGELOG.md", "# Changes\n" + changes.partition("\n\n")[2].replace("``", "`")
+    yield "changes.md", "# Changes\n" + changes.partition("\n\n")[2].replace("``", "`")
     for path in sorted((ROOT / NOTEBOOKS).glob("*.ipynb")):
         yield f"{NOTEBOOKS}/{path.stem}.md", notebook_text(path)
 
@@ -115,4 +115,4 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         attributes = f'aria-label="{found[1]}" src="{depth}{place}" style="max-width: 100%"'
         return f'<video controls muted playsinline preload="metadata" {attributes}></video>'
 
-    return _VIDEO.sub(video, markdown).replace("(CHANGELOG.rst)", "(CHANGELOG.md)").replace(".ipynb)", ".md)")
+    return _VIDEO.sub(video, markdown).replace("(CHANGELOG.rst)", "(changes.md)").replace(".ipynb)", ".md)")

@@ -36,7 +36,7 @@ def test_every_page_is_in_the_navigation() -> None:
     settings = yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), _Loader)
     listed = [path for path in in_navigation(settings["nav"]) if path.endswith(".md")]
     pages = runpy.run_path(str(ROOT / "scripts" / "documented_commands.py"))["pages"]()
-    made = {"CHANGELOG.md", *(f"notebooks/{path.stem}.md" for path in (ROOT / "notebooks").glob("*.ipynb"))}
+    made = {"changes.md", *(f"notebooks/{path.stem}.md" for path in (ROOT / "notebooks").glob("*.ipynb"))}
     assert sorted(listed) == sorted({*pages, "CONTRIBUTING.md", *made})
 
 
