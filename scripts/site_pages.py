@@ -19,7 +19,10 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).parents[1]
 PACKAGE = "radcam_depth_ros"
 NOTEBOOKS = "notebooks"
-_SINGLE = ("README.md", "CONTRIBUTING.md", "benchmarks/README.md", "experiments/README.md")
+_SINGLE = (
+    *("README.md", "CONTRIBUTING.md", "SECURITY.md", "CODE_OF_CONDUCT.md"),
+    *("benchmarks/README.md", "experiments/README.md"),
+)
 _LINK = re.compile(r"(?<=\]\()([^)#:]+)(?=[)#])")
 _LOG = logging.getLogger("mkdocs.hooks.site_pages")
 """Warnings of mkdocs' loggers fail a strict build."""
