@@ -58,10 +58,13 @@ def bill(python: Path) -> Bom:
     needed = {child.ref for entry in found.dependencies for child in entry.dependencies}
     for component in list(found.components):
         if component.name.replace("_", "-") == PACKAGE:
+            # Where it was installed from is a path of this machine; the hash there is the wheel's.
+            component.hashes = [value for place in component.external_references for value in place.hashes]
+            component.external_references = []
+            found.components = [other for other in found.components if other is not component]
             found.metadata.component = component
-            found.components.remove(component)
         elif component.name in OF_THE_ENVIRONMENT and component.bom_ref not in needed:
-            found.components.remove(component)
+            found.components = [other for other in found.components if other is not component]
             found.dependencies = [entry for entry in found.dependencies if entry.ref != component.bom_ref]
     shipped = weights(python)
     found.components.update(shipped)
