@@ -111,7 +111,7 @@ def test_everything_is_measured(tiny: str) -> None:
     assert values["machine"]["cpu"]
     assert set(values["machine"]["best_gflops"]["float32"]) == {"convolution", "matrix_product"}
     assert (values["network"], values["precision"]) == ("tiny", "float32")
-    assert values["weights"].startswith("random: no weights for 'tiny' come with this package")
+    assert values["weights"].startswith("random: the weights of 'tiny' are not installed")
     assert (values["threads"], values["weights_sha256"]) == (torch.get_num_threads(), "")
     assert values["against"] is None
     assert [(row["height"], row["width"], row["points"]) for row in values["sizes"]] == [(32, 64, 5), (64, 64, 0)]

@@ -24,7 +24,7 @@ def test_networks_without_shipped_weights_are_left_out(
     monkeypatch.setattr(sys, "argv", ["published", "--bags", str(tmp_path), "--network", "cafnet"])
     with pytest.raises(SystemExit, match="2"):
         published.main()
-    assert "no weights for 'cafnet'" in capsys.readouterr().err
+    assert "the weights of 'cafnet' are not installed" in capsys.readouterr().err
 
 
 def test_figures_fill_the_column(
