@@ -23,6 +23,7 @@ class Sleeper:
     """In place of an estimator."""
 
     tells_classes = False
+    only_size = None
     card = SimpleNamespace(focal_length_px=100.0)
 
     def __init__(self, phase: str, config: EstimatorConfig) -> None:
