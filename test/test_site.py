@@ -37,7 +37,7 @@ def test_every_page_is_in_the_navigation() -> None:
     listed = [path for path in in_navigation(settings["nav"]) if path.endswith(".md")]
     pages = runpy.run_path(str(ROOT / "scripts" / "documented_commands.py"))["pages"]()
     made = {"changes.md", *(f"notebooks/{path.stem}.md" for path in (ROOT / "notebooks").glob("*.ipynb"))}
-    assert sorted(listed) == sorted({*pages, "CONTRIBUTING.md", *made})
+    assert sorted(listed) == sorted({*pages, "CONTRIBUTING.md", "SECURITY.md", "CODE_OF_CONDUCT.md", *made})
 
 
 @pytest.fixture(scope="module")
