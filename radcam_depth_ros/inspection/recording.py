@@ -70,7 +70,8 @@ class Recording:
             self.problem = self.problem or str(error)
 
     def _add_sweep(self, message: Any) -> None:
-        is_scan = self.info.type_name == RADAR_SCAN
+        # By the message, not by the topic's type: a bag may hold both types under one name.
+        is_scan = hasattr(message, "returns")
         self._counts.append(len(message.returns) if is_scan else int(message.width) * int(message.height))
         try:
             sweep = decode_radar(message)
@@ -149,7 +150,7 @@ class Recording:
         if self.info.type_name == RADAR_SCAN:
             names: tuple[str, ...] = SCAN_FIELDS
         else:
-            message = next((sample for sample in self._samples if sample.fields), None)
+            message = next((sample for sample in self._samples if getattr(sample, "fields", None)), None)
             names = tuple(str(field.name) for field in message.fields) if message is not None else ()
         if self.role != "radar" or not self._counts:
             return CloudFacts(self.info.name, names, problem=self.problem)
