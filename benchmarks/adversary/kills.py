@@ -124,11 +124,11 @@ class KillAttack:
             is_due = bool(self._place.left()) if waits_for_output else _cpu_s(process.pid) >= cpu_s
             if is_due and not is_sent and end.startswith("SIG"):
                 time.sleep(delay_s)
-                process.send_signal(signal.Signals[end])
+                os.kill(process.pid, signal.Signals[end])  # Popen.send_signal may reap it, and its memory is lost
                 is_sent = True
             if time.monotonic() > deadline_s:
                 found.append(f"it did not end within {_PATIENCE_S:.0f} s")
-                process.kill()
+                os.kill(process.pid, signal.SIGKILL)
                 deadline_s += _PATIENCE_S
             time.sleep(0.01)
 
