@@ -6,7 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_messages
+from small_drive import (
+    CAMERA,
+    CAMERA_FROM_RADAR,
+    PERIOD_NS,
+    START_NS,
+    doppler_as_intensity,
+    without_radar_stamps,
+    write_changed,
+)
 
 from radcam_depth_ros import cli
 from radcam_depth_ros.bags import BagError, BagReader, BagWriter, factory
@@ -22,7 +30,6 @@ from radcam_depth_ros.messages import (
     decode_classes,
     decode_depth,
     decode_image,
-    encode_points,
     encode_transforms,
 )
 from radcam_depth_ros.pairing import PairingConfig
@@ -262,15 +269,7 @@ def test_a_real_drive(astyx_val: Path, estimator: Estimator) -> None:
 
 
 def test_a_radar_without_stamps_is_read_by_arrival(tmp_path: Path, estimator: Estimator) -> None:
-    drive = tmp_path / "drive.mcap"
-    with BagWriter(drive) as writer:
-        links = [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)]
-        writer.write("/tf_static", encode_transforms(factory, links), START_NS, "tf2_msgs/msg/TFMessage")
-        for index in range(4):
-            for topic, type_name, message, time_ns in small_messages(factory, index):
-                if topic == "/radar/points":
-                    message.header.stamp.sec = message.header.stamp.nanosec = 0
-                writer.write(topic, message, time_ns, type_name)
+    drive = write_changed(tmp_path / "drive.mcap", without_radar_stamps, frames=4)
     with pytest.warns(DriveWarning, match="set radar_stamps: arrival"):
         replay(drive, tmp_path / "lost.mcap", estimator)
     settings = DriveSettings(FrameBuilderConfig(radar_stamps="arrival"))
@@ -279,19 +278,7 @@ def test_a_radar_without_stamps_is_read_by_arrival(tmp_path: Path, estimator: Es
 
 
 def test_an_intensity_that_is_likely_doppler_is_warned_of(tmp_path: Path, estimator: Estimator) -> None:
-    drive, rng = tmp_path / "drive.mcap", np.random.default_rng(3)
-    with BagWriter(drive) as writer:
-        links = [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)]
-        writer.write("/tf_static", encode_transforms(factory, links), START_NS, "tf2_msgs/msg/TFMessage")
-        for index in range(12):
-            for topic, type_name, message, time_ns in small_messages(factory, index):
-                if topic == "/radar/points":
-                    angle, distance = rng.uniform(-0.9, 0.9, 40), rng.uniform(5, 80, 40)
-                    columns = {"x": distance * np.cos(angle), "y": distance * np.sin(angle), "z": np.zeros(40)}
-                    columns["intensity"] = -rng.uniform(5, 15) * np.cos(angle)
-                    cloud = {name: values.astype(np.float32) for name, values in columns.items()}
-                    message = encode_points(factory, cloud, time_ns, "radar")
-                writer.write(topic, message, time_ns, type_name)
+    drive = write_changed(tmp_path / "drive.mcap", doppler_as_intensity())
     sentence = "set the parameter radar_fields to radial_speed=intensity rcs="
     with pytest.warns(DriveWarning, match=sentence):
         replay(drive, tmp_path / "out.mcap", estimator)

@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.files import FileError, whole
 from radcam_depth_ros.frame import DepthResult, Frame, ImageArray
 from radcam_depth_ros.viewing.picture import ViewError, draw_picture
@@ -44,10 +45,7 @@ def check_target(target: Path | None) -> None:
         raise ViewError(f"{target} exists already; choose another name, or remove it")
     package, purpose = _NEEDED.get(suffix, ("", ""))
     if package and importlib.util.find_spec(package) is None:
-        raise ViewError(
-            f"{purpose} needs the package {package}, which is not installed; install the extra `view` of this package "
-            "with pip"
-        )
+        raise ViewError(f"{purpose} needs the package {package}, which is not installed; {install_extra('view')}")
 
 
 @contextmanager

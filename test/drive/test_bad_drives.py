@@ -6,13 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from small_drive import CAMERA_FROM_RADAR, START_NS, small_messages
+from small_drive import without_radar_stamps, write_changed
 
-from radcam_depth_ros.bags import BagWriter, factory
 from radcam_depth_ros.bags.errors import BagError
 from radcam_depth_ros.drive import DriveError, DriveSettings, TopicChoice, read_samples
 from radcam_depth_ros.frame_builder import FrameBuilderConfig
-from radcam_depth_ros.messages import StampedTransform, encode_transforms
 from radcam_depth_ros.pairing import PairingConfig
 from radcam_depth_ros.training.data.cache import CacheSettings, build_drive
 from radcam_depth_ros.training.errors import TrainingError
@@ -23,16 +21,7 @@ Write = Callable[..., Path]
 @pytest.fixture
 def bag_without_stamps(tmp_path: Path) -> Path:
     """The small drive with a radar that sets no stamps."""
-    path = tmp_path / "zero.mcap"
-    with BagWriter(path) as writer:
-        links = [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)]
-        writer.write("/tf_static", encode_transforms(factory, links), START_NS, "tf2_msgs/msg/TFMessage")
-        for index in range(12):
-            for topic, type_name, message, time_ns in small_messages(factory, index):
-                if topic == "/radar/points":
-                    message.header.stamp.sec = message.header.stamp.nanosec = 0
-                writer.write(topic, message, time_ns, type_name)
-    return path
+    return write_changed(tmp_path / "zero.mcap", without_radar_stamps)
 
 
 def refuses(bag: Path, sentence: str, settings: DriveSettings | None = None) -> None:

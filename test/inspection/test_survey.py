@@ -2,14 +2,22 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from radar_scans import SCAN, encode_scan, polar
-from small_drive import CAMERA, CAMERA_FROM_RADAR, PERIOD_NS, START_NS, small_messages, small_returns
+from small_drive import (
+    CAMERA,
+    CAMERA_FROM_RADAR,
+    PERIOD_NS,
+    START_NS,
+    doppler_as_intensity,
+    small_returns,
+    write_changed,
+)
 
 from radcam_depth_ros.bags import BagReader, BagWriter, factory
 from radcam_depth_ros.geometry import RigidTransform
@@ -20,31 +28,9 @@ from radcam_depth_ros.messages import (
     encode_camera_info,
     encode_compressed_image,
     encode_points,
-    encode_transforms,
 )
 
 IMAGE, INFO, RADAR = "/camera/image_raw", "/camera/camera_info", "/radar/points"
-Change = Callable[[str, Any, int], tuple[str, Any, int]]
-
-
-def write_bag(
-    path: Path,
-    change: Change = lambda topic, message, time_ns: (topic, message, time_ns),
-    frames: int = 12,
-    links: Sequence[StampedTransform] | None = None,
-) -> Path:
-    """The small drive with each message changed: topic, message, time of recording."""
-    if links is None:
-        links = [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)]
-    with BagWriter(path) as writer:
-        if links:
-            writer.write("/tf_static", encode_transforms(factory, links), START_NS, "tf2_msgs/msg/TFMessage")
-        for index in range(frames):
-            for topic, _, message, time_ns in small_messages(factory, index):
-                name, changed, recorded_ns = change(topic, message, time_ns)
-                if changed is not None:
-                    writer.write(name, changed, recorded_ns)
-    return path
 
 
 def texts(report: Report, severity: str) -> str:
@@ -58,7 +44,7 @@ def parameters(report: Report) -> dict[str, object]:
 
 def test_a_good_drive(tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
-    report = survey(write_bag(tmp_path / "drive.mcap"), lambda *so_far: told.append(so_far))
+    report = survey(write_changed(tmp_path / "drive.mcap"), lambda *so_far: told.append(so_far))
     assert told == [(49, 49)]
     assert report.missing == ""
     assert texts(report, "error") == ""
@@ -115,7 +101,7 @@ def test_clocks_that_differ_are_named(tmp_path: Path, ahead_ms: int, needed: flo
         late_ns = 5_000_000_000 - (ahead_ms * 1_000_000 if topic == RADAR else 0)
         return topic, message, time_ns + late_ns
 
-    report = survey(write_bag(tmp_path / "drive.mcap", shift))
+    report = survey(write_changed(tmp_path / "drive.mcap", shift))
     (offset,) = report.offsets
     assert offset.clock_ms == pytest.approx(ahead_ms)
     warning = texts(report, "warning")
@@ -133,7 +119,7 @@ def test_stamps_far_apart_are_no_parameter(tmp_path: Path) -> None:
             message.header.stamp.sec += 1000
         return topic, message, time_ns
 
-    report = survey(write_bag(tmp_path / "drive.mcap", shift))
+    report = survey(write_changed(tmp_path / "drive.mcap", shift))
     assert "1000000 ms ahead" in texts(report, "warning")
     assert "radar_time_offset_s" not in parameters(report)
 
@@ -143,7 +129,7 @@ def test_a_slow_radar_gets_a_wider_bound(tmp_path: Path) -> None:
         index = round((time_ns - START_NS) / PERIOD_NS)
         return topic, None if topic == RADAR and index % 5 else message, time_ns
 
-    report = survey(write_bag(tmp_path / "drive.mcap", every_fifth, frames=31))
+    report = survey(write_changed(tmp_path / "drive.mcap", every_fifth, frames=31))
     assert parameters(report)["max_time_offset_s"] == pytest.approx(0.3)
     assert parameters(report)["max_wait_s"] == pytest.approx(0.3)
     assert "have no sweep of /radar/points within 0.1 s" in texts(report, "warning")
@@ -159,10 +145,10 @@ def test_compressed_images_and_their_names(tmp_path: Path) -> None:
 
         return change
 
-    usual = survey(write_bag(tmp_path / "a.mcap", compress("/camera/image_raw/compressed")))
+    usual = survey(write_changed(tmp_path / "a.mcap", compress("/camera/image_raw/compressed")))
     assert parameters(usual)["image_topic"] == "/camera/image_raw"
     assert parameters(usual)["image_transport"] == "compressed"
-    odd = survey(write_bag(tmp_path / "b.mcap", compress("/camera/jpeg")))
+    odd = survey(write_changed(tmp_path / "b.mcap", compress("/camera/jpeg")))
     assert parameters(odd)["image_topic"] == "/camera/jpeg"
     assert parameters(odd)["image_transport"] == "compressed_topic"
     image = next(facts for facts in odd.images if facts.topic == "/camera/jpeg")
@@ -180,7 +166,7 @@ def test_contents_that_cannot_be_used_are_errors(tmp_path: Path) -> None:
             message = encode_points(factory, {"p": np.zeros(3, np.float32)}, time_ns, "radar")
         return topic, message, time_ns
 
-    errors = texts(survey(write_bag(tmp_path / "drive.mcap", spoil)), "error")
+    errors = texts(survey(write_changed(tmp_path / "drive.mcap", spoil)), "error")
     assert "32SC4" in errors
     assert "calibrate the camera" in errors
     assert "expected a radar cloud with fields" in errors
@@ -193,7 +179,7 @@ def test_a_camera_info_of_another_size_is_an_error(tmp_path: Path) -> None:
         return topic, message, time_ns
 
     assert "96 x 64 pixels, their camera_info says 192 x 128" in texts(
-        survey(write_bag(tmp_path / "drive.mcap", resize)), "error"
+        survey(write_changed(tmp_path / "drive.mcap", resize)), "error"
     )
 
 
@@ -206,7 +192,7 @@ def test_stamps_of_0_and_frames_that_radars_share(tmp_path: Path) -> None:
         return topic, message, time_ns
 
     links = [StampedTransform("camera", "radar", START_NS, CAMERA_FROM_RADAR)]
-    report = survey(write_bag(tmp_path / "zero.mcap", spoil, links=links))
+    report = survey(write_changed(tmp_path / "zero.mcap", spoil, links=links))
     assert "a stamp of 0 on each message" in texts(report, "error")
     assert "radar_time_offset_s" not in texts(report, "warning")
     assert parameters(report)["radar_stamps"] == "arrival"
@@ -217,7 +203,7 @@ def test_stamps_of_0_and_frames_that_radars_share(tmp_path: Path) -> None:
         index = round((time_ns - START_NS) / PERIOD_NS)
         return (other if topic == RADAR and index % 2 else topic), message, time_ns
 
-    path = write_bag(tmp_path / "shared.mcap", double, links=links)
+    path = write_changed(tmp_path / "shared.mcap", double, links=links)
     report = survey(path)
     assert "/radar/points, /radar_rear/points share the frame_id radar" in texts(report, "warning")
     assert "radar_frame" not in parameters(report)
@@ -234,7 +220,7 @@ def test_radars_that_share_a_frame_get_those_that_are_called_like_their_topics(t
 
     frames = ("radar_front_link", "radar_rear_link")
     links = [StampedTransform("camera", frame, START_NS, CAMERA_FROM_RADAR) for frame in frames]
-    report = survey(write_bag(tmp_path / "drive.mcap", double, links=links))
+    report = survey(write_changed(tmp_path / "drive.mcap", double, links=links))
     assert parameters(report)["radar_frame"] == list(frames)
 
 
@@ -249,7 +235,7 @@ def test_empty_frames_pauses_and_stamps_that_go_back(tmp_path: Path) -> None:
             message.header.stamp.sec -= 1
         return topic, message, time_ns
 
-    report = survey(write_bag(tmp_path / "drive.mcap", spoil))
+    report = survey(write_changed(tmp_path / "drive.mcap", spoil))
     assert "empty frame_id; set it in the driver, or the parameter radar_frame" in texts(report, "error")
     assert "/camera/image_raw pauses for 4.1 s" in texts(report, "warning")
     assert "1 stamps on /radar/points are earlier" in texts(report, "warning")
@@ -263,7 +249,7 @@ def test_a_radar_that_looks_back_and_a_road(tmp_path: Path) -> None:
         StampedTransform("base_footprint", "camera", START_NS, RigidTransform(np.eye(3), np.array([0.0, 0.0, 1.5]))),
         StampedTransform("camera", "radar", START_NS, backwards),
     ]
-    report = survey(write_bag(tmp_path / "drive.mcap", links=links))
+    report = survey(write_changed(tmp_path / "drive.mcap", links=links))
     assert "/radar/points looks away from the camera's axis by 180 degrees" in texts(report, "warning")
     assert "camera_height_m" not in texts(report, "warning")
     assert report.frames == ("base_footprint", "  camera", "    radar")
@@ -276,7 +262,7 @@ def test_clouds_without_points_are_told(tmp_path: Path) -> None:
         return topic, message, time_ns
 
     assert "no cloud on /radar/points has a point" in texts(
-        survey(write_bag(tmp_path / "drive.mcap", empty)), "warning"
+        survey(write_changed(tmp_path / "drive.mcap", empty)), "warning"
     )
 
 
@@ -296,7 +282,7 @@ def with_scans(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
 
 
 def test_a_scan_is_a_radar_with_its_fields(tmp_path: Path) -> None:
-    report = survey(write_bag(tmp_path / "drive.mcap", with_scans))
+    report = survey(write_changed(tmp_path / "drive.mcap", with_scans))
     assert (report.missing, texts(report, "error")) == ("", "")
     (cloud,) = report.clouds
     assert (cloud.topic, cloud.fields, cloud.points) == ("/front/scan", SCAN_FIELDS, (4, 4, 4))
@@ -306,7 +292,7 @@ def test_a_scan_is_a_radar_with_its_fields(tmp_path: Path) -> None:
 
 
 def test_a_cloud_beside_a_scan_is_left_out_and_named(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "drive.mcap", lambda topic, message, time_ns: (topic, message, time_ns))
+    bag = write_changed(tmp_path / "drive.mcap", lambda topic, message, time_ns: (topic, message, time_ns))
     with BagReader(bag) as reader, BagWriter(tmp_path / "both.mcap") as writer:
         for item in reader.messages():
             writer.write(item.topic, item.message, item.log_time_ns, item.type_name)
@@ -325,23 +311,25 @@ def test_degrees_in_a_scan_are_an_error_with_the_value_to_set(tmp_path: Path) ->
             changed.returns[0].azimuth = 45.0
         return name, changed, recorded_ns
 
-    report = survey(write_bag(tmp_path / "drive.mcap", change))
+    report = survey(write_changed(tmp_path / "drive.mcap", change))
     assert "radar_fields to azimuth=azimuth[deg]" in texts(report, "error")
 
 
-def test_an_intensity_that_is_likely_doppler_is_warned_of_and_suggested_as_a_comment(tmp_path: Path) -> None:
-    rng = np.random.default_rng(3)
+def test_clouds_and_scans_under_one_name_are_read_by_what_each_is(tmp_path: Path) -> None:
+    returns = iter(range(12))
 
     def change(topic: str, message: Any, time_ns: int) -> tuple[str, Any, int]:
-        if topic != RADAR:
-            return topic, message, time_ns
-        angle, distance = rng.uniform(-0.9, 0.9, 40), rng.uniform(5, 80, 40)
-        columns = {"x": distance * np.cos(angle), "y": distance * np.sin(angle), "z": np.zeros(40)}
-        columns["intensity"] = -rng.uniform(5, 15) * np.cos(angle)
-        cloud = {name: values.astype(np.float32) for name, values in columns.items()}
-        return topic, encode_points(factory, cloud, time_ns, "radar"), time_ns
+        if topic == RADAR and next(returns) % 2:
+            message = encode_scan(factory, polar(small_returns(0)), time_ns, "radar")
+        return topic, message, time_ns
 
-    report = survey(write_bag(tmp_path / "drive.mcap", change))
+    report = survey(write_changed(tmp_path / "drive.mcap", change))
+    (cloud,) = [facts for facts in report.clouds if facts.topic == RADAR]
+    assert cloud.points == (4, 4, 4)
+
+
+def test_an_intensity_that_is_likely_doppler_is_warned_of_and_suggested_as_a_comment(tmp_path: Path) -> None:
+    report = survey(write_changed(tmp_path / "drive.mcap", doppler_as_intensity()))
     assert "set the parameter radar_fields to radial_speed=intensity rcs=" in texts(report, "warning")
     assert report.suggestion is not None
     (setting,) = [setting for setting in report.suggestion.settings if setting.name == "radar_fields"]
@@ -356,6 +344,6 @@ def test_topics_whose_messages_the_file_does_not_count_are_reported(
     def uncounted(reader: BagReader) -> tuple[Any, ...]:
         return tuple(dataclasses.replace(topic, count=0) for topic in listed(reader))
 
-    path = write_bag(tmp_path / "drive.mcap")
+    path = write_changed(tmp_path / "drive.mcap")
     monkeypatch.setattr(BagReader, "_list_topics", uncounted)
     assert {facts.topic for facts in survey(path).topics} >= {IMAGE, INFO, RADAR}

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from torch import nn
 
+from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.networks.interface import RADAR_COLUMNS, Depths
 from radcam_depth_ros.networks.weights_io.card import Archive, ArchiveError, read_card
 from radcam_depth_ros.networks.weights_io.export_check import LARGEST_CARD_BYTES
@@ -65,8 +66,8 @@ def require(what: str, *packages: str) -> None:
     missing = next((package for package in packages if importlib.util.find_spec(package) is None), None)
     if missing is not None:
         raise ArchiveError(
-            f"{what} needs the package {missing}, which is not installed; install the extra `onnx` of this package "
-            "with pip, or use the .safetensors file"
+            f"{what} needs the package {missing}, which is not installed; use the .safetensors file, or "
+            f"{install_extra('onnx')}"
         )
 
 
