@@ -14,6 +14,7 @@ from small_drive import (
     CAMERA_FROM_RADAR,
     PERIOD_NS,
     START_NS,
+    Change,
     doppler_as_intensity,
     small_returns,
     write_changed,
