@@ -30,7 +30,7 @@ ENDURANCE = $(shell grep -rl --include='*.py' 'pytest.mark.endurance' test)
 # Version of `make release`.
 VERSION ?=
 
-.PHONY: help demo test test-exhaustive test-devkit adversary check check-all docs site generate lint lint-files format wheel release clean
+.PHONY: help demo test test-exhaustive test-devkit test-fleet adversary check check-all docs site generate lint lint-files format wheel release clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 11
@@ -60,6 +60,14 @@ test-exhaustive: .venv/installed .venv/docs.installed ## what `make test` tries 
 test-devkit: .venv/nuscenes-devkit/installed ## nuScenes' own devkit judges what is exported and imported in its schema
 	@NUSCENES_DEVKIT_PYTHON=.venv/nuscenes-devkit/bin/python .venv/bin/python -m pytest test/datasets/test_against_the_devkit.py
 
+# Ray, and a server of S3 for tests, are no part of what a developer needs.
+.venv/fleet.installed: .venv/installed
+	@.venv/bin/python -m pip install --quiet -c constraints.txt --no-build-isolation -e '.[fleet]' 'moto[server]>=5'
+	@touch $@
+
+test-fleet: .venv/fleet.installed ## drives on a cluster of Ray, and in storage
+	@.venv/bin/python -m pytest test/fleet
+
 adversary: .venv/installed ## attacks the package with a part of the hostile inputs of `make check-all` [SHARE=0.1]
 	@.venv/bin/python -m benchmarks.adversary --share "$(SHARE)" --seed 1
 
@@ -70,6 +78,8 @@ check-all: .venv/installed .venv/messages.installed lint ## all tests in both nu
 	@for format in float32 bfloat16; do \
 	    printf '\n== %s\n' "$$format"; RADCAM_DEPTH_PRECISION=$$format $(MAKE) --no-print-directory test || exit 1; done
 	@$(MAKE) --no-print-directory test-exhaustive
+	@$(MAKE) --no-print-directory test-devkit
+	@$(MAKE) --no-print-directory test-fleet
 	@.venv/bin/python -m pytest -n 2 -m endurance $(ENDURANCE)
 	@.venv/bin/python -m benchmarks.fuzz --messages 20000 --seed 1
 	@.venv/bin/python -m benchmarks.adversary --seed 1

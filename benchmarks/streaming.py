@@ -74,7 +74,7 @@ def write_drives(folder: Path, samples: int, camera: CameraModel, returns: int) 
     first = folder / "0"
     first.mkdir(parents=True)
     shape = (camera.height, camera.width)
-    card = DriveCard(FORMAT_VERSION, "made up", 0, 0, "", {}, FRAMES_PER_DRIVE, camera, ("/radar/points",), ())
+    card = DriveCard(FORMAT_VERSION, "made up", "", "", {}, FRAMES_PER_DRIVE, camera, ("/radar/points",), ())
     with SampleWriter(first) as writer:
         for index in range(FRAMES_PER_DRIVE):
             single = np.where(rng.random(shape) < 0.01, np.float16(20), np.float16(np.nan))

@@ -144,7 +144,7 @@ def run_tests(copy: Path, *arguments: str) -> str:
     return run(copy, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *arguments)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.timeout(600)
 def test_a_network_takes_five_files(copy: Path) -> None:
     package = copy / "radcam_depth_ros"
@@ -159,7 +159,7 @@ def test_a_network_takes_five_files(copy: Path) -> None:
     assert " passed" in out
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.timeout(600)
 def test_a_topic_takes_three_files(copy: Path) -> None:
     encoder = copy / "radcam_depth_ros" / "encoder.py"

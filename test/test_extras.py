@@ -14,7 +14,7 @@ from radcam_depth_ros.cli import main
 from radcam_depth_ros.extras import install_extra
 from radcam_depth_ros.fleet.errors import FleetError
 from radcam_depth_ros.fleet.on_ray import ray_engine
-from radcam_depth_ros.fleet.storage import folder_at
+from radcam_depth_ros.storage import StorageError, folder_at
 from radcam_depth_ros.training.curves import require_tensorboard
 from radcam_depth_ros.training.data import rehearsal
 from radcam_depth_ros.training.errors import TrainingError
@@ -104,5 +104,5 @@ def test_ray(take_away: Callable[..., None]) -> None:
 
 def test_s3(take_away: Callable[..., None]) -> None:
     take_away("s3fs")
-    with pytest.raises(FleetError, match=re.escape(install_extra("fleet"))):
+    with pytest.raises(StorageError, match=re.escape(install_extra("fleet"))):
         folder_at("s3://bucket/drives")

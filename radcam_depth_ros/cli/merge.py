@@ -35,7 +35,7 @@ def merge(
     """
     from radcam_depth_ros.fleet.merging import merge as merge_results
     from radcam_depth_ros.fleet.results import open_results
-    from radcam_depth_ros.fleet.storage import place_of
+    from radcam_depth_ros.storage import place_of
 
     tell(merge_results(open_results(place_of(folder)), partial=partial), report, json_target)
 

@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from radcam_depth_ros.cli.terminal.fleet_runs import OnOption, ShardOption, finish, run_fleet
+from radcam_depth_ros.cli.terminal.fleet_runs import OnOption, ShardOption, finish, found_bags, run_fleet
 from radcam_depth_ros.cli.terminal.node_parameters import INFERENCE, OUTPUT, ParamsOption, node_parameters
 from radcam_depth_ros.cli.terminal.options import (
     BackboneOption,
@@ -161,7 +161,7 @@ def _run(plan: RunPlan, out: Path, processes: int, ranks: Ranks, console: Consol
     plan = ranks.of_first(replace(plan, config=plan.config.with_chosen_precision()))
     with _progress(console) as progress:
         with ranks.first_goes_ahead():
-            data = _load(plan, processes, progress)
+            data = _load(plan, out, processes, progress)
         if ranks.is_first:
             plan.write(out)
         console.print(f"training {plan.network} on {data.description}; validating on {len(data.validation)}")
@@ -220,9 +220,9 @@ def _figures(result: ValidationResult) -> str:
 
 def _new_plan(asked: _Request) -> RunPlan:
     from radcam_depth_ros import configuration
-    from radcam_depth_ros.bags import find_bags
     from radcam_depth_ros.networks import registry
     from radcam_depth_ros.networks.weights_io import archive
+    from radcam_depth_ros.storage import place_of
     from radcam_depth_ros.training.errors import TrainingError
     from radcam_depth_ros.training.losses.registry import Criterion
     from radcam_depth_ros.training.plan import RUN_FILE, RunPlan
@@ -251,7 +251,7 @@ def _new_plan(asked: _Request) -> RunPlan:
     if asked.rehearsal_bags and not recipe.rehearsal.share:
         raise TrainingError("--rehearsal-bags need a share in the recipe: set rehearsal.share, 0.5 for example")
     found, held_out, rehearsed = (
-        tuple(str(bag.resolve()) for bag in find_bags(places))
+        tuple(_found_again(bag) for bag in found_bags(places))
         for places in (asked.bags, asked.validation_bags, asked.rehearsal_bags)
     )
     return RunPlan(
@@ -260,20 +260,27 @@ def _new_plan(asked: _Request) -> RunPlan:
         found,
         held_out,
         rehearsed,
-        str((asked.cache or out / "cache").resolve()),
+        _found_again(place_of(asked.cache or out / "cache")),
         # Absolute paths, which are valid wherever a run is resumed from.
-        replace(sources, initial=_found_again(sources.initial), teacher=_found_again(sources.teacher)),
+        replace(sources, initial=_source(sources.initial), teacher=_source(sources.teacher)),
         read.ground_truth,
         read.frame_builder,
         read.topics,
     )
 
 
-def _found_again(source: str | None) -> str | None:
+def _source(source: str | None) -> str | None:
     """A network's name as it is, a file by its whole path."""
     from radcam_depth_ros.networks import registry
 
-    return source if source is None or source in registry.names() else str(Path(source).resolve())
+    return source if source is None or source in registry.names() else _found_again(source)
+
+
+def _found_again(place: str) -> str:
+    """A URL as it is, a file or folder by its whole path."""
+    from radcam_depth_ros.storage import is_remote
+
+    return place if is_remote(place) else str(Path(place).resolve())
 
 
 def _require_cache_only(cache_only: bool, shared: str | None) -> None:
@@ -299,12 +306,17 @@ def _cache_settings(plan: RunPlan) -> CacheSettings:
     return CacheSettings(architecture.focal_length_px, architecture.max_depth_m, plan.drive)
 
 
-def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
+def _load(plan: RunPlan, out: Path, processes: int, progress: Progress) -> TrainingData:
+    from radcam_depth_ros.storage import is_remote
     from radcam_depth_ros.training.data.cache import cached_drives
     from radcam_depth_ros.training.data.rehearsal import rehearsal_drives
+    from radcam_depth_ros.training.data.shared_cache import SharedCache
     from radcam_depth_ros.training.drives import load_data, with_rehearsal
 
-    recipe, cache, settings = plan.config, Path(plan.cache), _cache_settings(plan)
+    recipe, settings = plan.config, _cache_settings(plan)
+    # What is in storage is copied once: samples are read in random order, each many times.
+    shared = SharedCache(plan.cache) if is_remote(plan.cache) else None
+    cache = out / "cache" if shared else Path(plan.cache)
     bags, validation_bags, rehearsal_bags = (
         [Path(bag) for bag in group] for group in (plan.bags, plan.validation_bags, plan.rehearsal_bags)
     )
@@ -321,7 +333,7 @@ def _load(plan: RunPlan, processes: int, progress: Progress) -> TrainingData:
         progress.update(task, advance=1, status=bag.name)
 
     def prepare(bags: Sequence[Path], settings: CacheSettings) -> Sequence[CachedDrive]:
-        return cached_drives(bags, cache, settings, processes, on_bag, progress.console.print)
+        return cached_drives(bags, cache, settings, processes, on_bag, progress.console.print, shared)
 
     data = load_data(bags, validation_bags, recipe.validation.hold_out, partial(prepare, settings=settings))
     if plan.sources.initial is not None:

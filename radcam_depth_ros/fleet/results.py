@@ -21,8 +21,8 @@ from typing import Any
 
 from radcam_depth_ros import __version__
 from radcam_depth_ros.fleet.errors import FleetError
-from radcam_depth_ros.fleet.storage import Folder, folder_at
 from radcam_depth_ros.fleet.unit import Unit, Work
+from radcam_depth_ros.storage import Folder, folder_at
 
 FORMAT_VERSION = 1
 """Counts changes of what results hold."""

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from radcam_depth_ros.files import content_of
 from radcam_depth_ros.fleet.results import Done, Failed, Plan, Results
 from radcam_depth_ros.fleet.shard import Shard
-from radcam_depth_ros.fleet.storage import folder_at, is_remote, remote_stamp, staged
 from radcam_depth_ros.fleet.unit import Unit, Work, Worker
 from radcam_depth_ros.frame import RadcamDepthError
+from radcam_depth_ros.storage import content_at, folder_at, staged, stamp_at
 
 Engine = Callable[[Work, str, Iterable[Unit]], Iterator[tuple[Unit, Done | Failed]]]
 """Does units, given the work, the folder of outputs and the units, and gives each as it is done."""
@@ -107,19 +106,8 @@ def attempt(work: Work, worker: Worker, out: str, unit: Unit) -> Done | Failed:
 
 def stamp_of(work: Work, unit: Unit) -> str:
     """Size and time of change of a unit's bag, without reading it; empty where there is none."""
-    if not work.reads_bags:
-        return unit.place
-    if is_remote(unit.place):
-        return remote_stamp(unit.place)
-    bag = Path(unit.place)
-    try:
-        parts = [part.stat() for part in (sorted(bag.iterdir()) if bag.is_dir() else [bag])]
-    except OSError:
-        return ""
-    return f"{sum(part.st_size for part in parts)} {max((part.st_mtime_ns for part in parts), default=0)}"
+    return stamp_at(unit.place) if work.reads_bags else unit.place
 
 
 def _content(work: Work, unit: Unit) -> str:
-    if not work.reads_bags:
-        return f"seed {unit.place}"
-    return remote_stamp(unit.place) if is_remote(unit.place) else content_of(Path(unit.place))
+    return content_at(unit.place) if work.reads_bags else f"seed {unit.place}"

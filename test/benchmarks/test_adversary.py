@@ -51,6 +51,7 @@ def test_a_small_share_holds(make: type[Attack], count: int, place: Place) -> No
     assert attack.good() == ()
 
 
+@pytest.mark.exhaustive
 def test_a_verb_that_is_killed_and_one_on_a_disk_that_ends_hold(place: Place) -> None:
     attack = KillAttack(0, place)
     attack.verbs = {"inspect": attack.verbs["inspect"]}  # the quickest

@@ -167,6 +167,7 @@ def test_bad_arguments(arguments: list[str], message: str, capsys: pytest.Captur
     assert re.search(message, errors), errors
 
 
+@pytest.mark.exhaustive
 @pytest.mark.timeout(240)
 def test_it_measures_an_engine_and_prints_json_alone(tmp_path: Path) -> None:
     options = ["--size", "64x96", "--frames", "3", "--seconds", "0", "--busy", "0", "1", "--json", "-"]

@@ -15,6 +15,7 @@ from benchmarks import node_rate
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.timeout(240)
 def test_the_live_node_is_fed_and_measured(small_weights: Path, tmp_path: Path) -> None:
     options = ["--size", "32x64", "--seconds", "1", "--points", "3", "--parameter", f"model_file:={small_weights}"]

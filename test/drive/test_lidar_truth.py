@@ -138,4 +138,4 @@ def test_a_cache_from_before_scans_were_moved_is_built_again(tmp_path: Path, wri
     card = json.loads((place / CARD).read_text())
     (place / CARD).write_text(json.dumps({**card, "version": 3}))
     build_drive(bag, place, settings)
-    assert DriveCard.read(place / CARD).version == FORMAT_VERSION == 6
+    assert DriveCard.read(place / CARD).version == FORMAT_VERSION == 7

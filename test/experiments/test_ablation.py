@@ -190,6 +190,7 @@ def test_changes_are_means_over_common_seeds() -> None:
     assert all(map(math.isnan, relative({"BF": {0: {"mae_80": 2.0}}}, "BF", "mae_80")))
 
 
+@pytest.mark.exhaustive
 def test_both_associations_are_timed() -> None:
     (row,) = time_associations((64, 96), [3], 2)
     assert row["returns"] == 3

@@ -16,6 +16,7 @@ from radcam_depth_ros.networks.weights_io import archive
 SMALL = {"backbone": "resnet18", "joined_channels": 16, "radar_channels": [8, 8, 8, 8, 8]}
 
 
+@pytest.mark.exhaustive
 def test_networks_are_held_side_by_side(
     tmp_path: Path,
     write_drive: Callable[..., Path],

@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import itertools
 import json
 import sys
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +28,7 @@ from radcam_depth_ros.messages import (
     encode_points,
     encode_transforms,
 )
+from radcam_depth_ros.storage import transfers
 
 CAMERA = CameraModel(96, 64, 630.0, 630.0, 47.5, 31.5)
 
@@ -71,3 +75,70 @@ def write_truth() -> Callable[..., Path]:
 @pytest.fixture
 def one_thread() -> None:
     torch.set_num_threads(1)
+
+
+class Faulty:
+    """Every n-th GET of an object fails, in turns by an answer and by a stall; writes to `readonly` are forbidden."""
+
+    def __init__(self, application: Any) -> None:
+        self._application, self._count = application, itertools.count(1)
+        self.every, self.stall_s, self.failed = 0, 1.0, 0
+
+    def __call__(self, environment: Any, start: Any) -> Any:
+        path, method = environment["PATH_INFO"], environment["REQUEST_METHOD"]
+        if method == "PUT" and path.startswith("/readonly/"):
+            start("403 Forbidden", [("Content-Type", "application/xml")])
+            return [b"<Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>"]
+        if self.every and method == "GET" and path.endswith(".mcap") and not next(self._count) % self.every:
+            self.failed += 1
+            if self.failed % 2:
+                time.sleep(self.stall_s)
+            start("403 Forbidden" if path.endswith("never.mcap") else "500 Internal Server Error", [])
+            return [b""]
+        return self._application(environment, start)
+
+
+@pytest.fixture(scope="session")
+def s3_server() -> Iterator[Faulty]:
+    """moto's S3 server on loopback, which this process and those that it starts use."""
+    pytest.importorskip("s3fs", reason="the extra fleet is not installed")
+    pytest.importorskip("moto", reason="pip install moto[server]")
+    from moto.server import DomainDispatcherApplication, create_backend_app
+    from werkzeug.serving import make_server
+
+    faulty = Faulty(DomainDispatcherApplication(create_backend_app))
+    server = make_server("127.0.0.1", 0, faulty, threaded=True)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in {
+            "AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}",
+            "AWS_ACCESS_KEY_ID": "test",
+            "AWS_SECRET_ACCESS_KEY": "test",
+            "AWS_DEFAULT_REGION": "us-east-1",
+            "AWS_CONFIG_FILE": "/dev/null",
+            "AWS_EC2_METADATA_DISABLED": "true",
+        }.items():
+            patch.setenv(name, value)
+        yield faulty
+    server.shutdown()
+    thread.join()
+
+
+@pytest.fixture
+def s3(s3_server: Faulty) -> Iterator[tuple[Any, Faulty]]:
+    """fsspec's file system of the server, with the empty buckets `fleet` and `readonly`, and its faults."""
+    import s3fs
+
+    s3fs.S3FileSystem.clear_instance_cache()
+    s3_server.every = 0
+    system, _ = transfers.file_system("s3://fleet")
+    for bucket in ("fleet", "readonly"):
+        if not system.exists(bucket):
+            system.mkdir(bucket)
+    system.invalidate_cache()
+    yield system, s3_server
+    s3_server.every = 0
+    if system.exists("fleet/"):
+        system.rm("fleet", recursive=True)
+    s3fs.S3FileSystem.clear_instance_cache()

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
+import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,12 +15,15 @@ from typing import Any
 import pytest
 from command_line import run_main
 from fleet.numbering import Numbering
+from fleet.test_kills import results
 
 from radcam_depth_ros.fleet import on_ray
 from radcam_depth_ros.fleet.engines import engine_of
 from radcam_depth_ros.fleet.errors import FleetError
+from radcam_depth_ros.fleet.results import open_results
 from radcam_depth_ros.fleet.running import run
 from radcam_depth_ros.fleet.unit import units_of
+from radcam_depth_ros.storage import find_places
 
 ray: Any = pytest.importorskip("ray", reason="the extra fleet is not installed")
 pytestmark = [
@@ -29,8 +36,8 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
-    """Two nodes with a core each, on this computer."""
+def cluster(s3_server: object) -> Iterator[Any]:
+    """Two nodes with a core each, on this computer, which reach the tests' storage."""
     from ray.cluster_utils import Cluster
 
     with pytest.MonkeyPatch.context() as patch:
@@ -71,6 +78,50 @@ def test_a_node_of_another_version_is_refused(monkeypatch):
     monkeypatch.setattr(on_ray, "__version__", "9.9")
     with pytest.raises(FleetError, match=r"expected version 9\.9 of radcam_depth_ros with Python"):
         engine_of("ray")
+
+
+@pytest.mark.usefixtures("cluster")
+def test_a_node_with_another_python_is_refused(monkeypatch):
+    monkeypatch.setattr(on_ray.platform, "python_version_tuple", lambda: ("3", "99", "0"))
+    with pytest.raises(FleetError, match=r"with Python 3\.99 on the node .*, got \S+ with Python 3\.\d+; install the"):
+        engine_of("ray")
+
+
+@pytest.mark.usefixtures("cluster")
+def test_a_driver_that_is_killed_loses_nothing_and_repeats_nothing(tmp_path):
+    """Finished drives stay; of those that were in work, at most as many are done again as may wait."""
+    folder, out, log = tmp_path / "drives", tmp_path / "out", tmp_path / "log"
+    files(folder, 24)
+    command = [sys.executable, str(Path(__file__).with_name("counting_run.py")), folder, out, log, "0.1", "ray"]
+    finished = set[str]()
+    for _ in range(3):
+        process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(ROOT)}, cwd=tmp_path)
+        deadline = time.monotonic() + 60
+        while process.poll() is None and len(results(out)) < len(finished) + 4 and time.monotonic() < deadline:
+            time.sleep(0.001)
+        process.kill()
+        process.wait()
+        assert finished < results(out)
+        finished = results(out)
+    before = Counter(log.read_text(encoding="utf-8").split())
+    units = units_of([str(path) for path in sorted(folder.iterdir())])
+    summary = run(Numbering(str(log)), units, str(out), None, engine_of("ray"))
+    assert summary.kept == len(finished)
+    after = Counter(log.read_text(encoding="utf-8").split())
+    assert all(after[name] == before[name] for name in finished)
+    assert sum(after.values()) <= 24 + 3 * 2 * 2
+    assert [open_results(str(out)).result(unit)["value"] for unit in units] == list(range(1, 25))
+
+
+@pytest.mark.usefixtures("cluster")
+def test_drives_and_results_are_in_storage(tmp_path, s3):
+    system, _ = s3
+    system.pipe({f"fleet/drives/{index}.mcap": b"x" * (index + 1) for index in range(4)})
+    units = units_of(find_places(["s3://fleet/drives"]))
+    for kept in (0, 4):
+        summary = run(Numbering(str(tmp_path / "log")), units, "s3://fleet/results", None, engine_of("ray"))
+        assert (summary.kept, summary.failed) == (kept, 0)
+    assert [summary.results.result(unit)["value"] for unit in units] == [1, 2, 3, 4]
 
 
 @pytest.mark.usefixtures("cluster")

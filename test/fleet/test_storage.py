@@ -2,85 +2,27 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-import threading
-import time
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from command_line import run_main
 from fleet.numbering import Numbering
 
-from radcam_depth_ros.fleet import storage
-from radcam_depth_ros.fleet.errors import FleetError
 from radcam_depth_ros.fleet.running import run
-from radcam_depth_ros.fleet.storage import find_places, place_of
 from radcam_depth_ros.fleet.unit import units_of
+from radcam_depth_ros.storage import StorageError, find_places, place_of, transfers
+from radcam_depth_ros.training.data import cache
+from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
+from radcam_depth_ros.training.data.shared_cache import SharedCache
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
-
-
-class Faulty:
-    """Every n-th GET of an object fails, in turns by an answer and by a stall; writes to `readonly` are forbidden."""
-
-    def __init__(self, application: Any) -> None:
-        self._application, self._count = application, itertools.count(1)
-        self.every, self.stall_s, self.failed = 0, 1.0, 0
-
-    def __call__(self, environment: Any, start: Any) -> Any:
-        path, method = environment["PATH_INFO"], environment["REQUEST_METHOD"]
-        if method == "PUT" and path.startswith("/readonly/"):
-            start("403 Forbidden", [("Content-Type", "application/xml")])
-            return [b"<Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>"]
-        if self.every and method == "GET" and path.endswith(".mcap") and not next(self._count) % self.every:
-            self.failed += 1
-            if self.failed % 2:
-                time.sleep(self.stall_s)
-            start("403 Forbidden" if path.endswith("never.mcap") else "500 Internal Server Error", [])
-            return [b""]
-        return self._application(environment, start)
-
-
-@pytest.fixture
-def s3(monkeypatch):
-    pytest.importorskip("s3fs", reason="the extra fleet is not installed")
-    pytest.importorskip("moto", reason="pip install moto[server]")
-    from moto.server import DomainDispatcherApplication, create_backend_app
-    from werkzeug.serving import make_server
-
-    faulty = Faulty(DomainDispatcherApplication(create_backend_app))
-    server = make_server("127.0.0.1", 0, faulty, threaded=True)
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    for name, value in {
-        "AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}",
-        "AWS_ACCESS_KEY_ID": "test",
-        "AWS_SECRET_ACCESS_KEY": "test",
-        "AWS_DEFAULT_REGION": "us-east-1",
-        "AWS_CONFIG_FILE": "/dev/null",
-        "AWS_EC2_METADATA_DISABLED": "true",
-    }.items():
-        monkeypatch.setenv(name, value)
-    import s3fs
-
-    s3fs.S3FileSystem.clear_instance_cache()
-    system, _ = storage._system("s3://fleet")
-    for bucket in ("fleet", "readonly"):
-        if not system.exists(bucket):
-            system.mkdir(bucket)
-    system.invalidate_cache()
-    yield system, faulty
-    if system.exists("fleet/"):
-        system.rm("fleet", recursive=True)
-    s3fs.S3FileSystem.clear_instance_cache()
-    server.shutdown()
-    thread.join()
 
 
 @pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.endurance)])
@@ -114,11 +56,11 @@ def test_storage_that_cannot_be_used_is_told_before_any_work(tmp_path, s3, monke
     system, _ = s3
     system.pipe({"fleet/d/0.mcap": b"good"})
     units = units_of(find_places(["s3://fleet/d"]))
-    with pytest.raises(FleetError, match=r"cannot write s3://readonly/r/plan\.json: .*credentials"):
+    with pytest.raises(StorageError, match=r"cannot write s3://readonly/r/plan\.json: .*credentials"):
         run(Numbering(str(tmp_path / "log")), units, "s3://readonly/r")
-    with pytest.raises(FleetError, match="there is no bag at s3://fleet/none"):
+    with pytest.raises(StorageError, match="there is no bag at s3://fleet/none"):
         find_places(["s3://fleet/none"])
-    with pytest.raises(FleetError, match="cannot reach nowhere://a"):
+    with pytest.raises(StorageError, match="cannot reach nowhere://a"):
         find_places(["nowhere://a"])
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(name)
@@ -126,7 +68,7 @@ def test_storage_that_cannot_be_used_is_told_before_any_work(tmp_path, s3, monke
     import s3fs
 
     s3fs.S3FileSystem.clear_instance_cache()
-    with pytest.raises(FleetError, match="credentials"):
+    with pytest.raises(StorageError, match="credentials"):
         find_places(["s3://fleet/d"])
     assert not (tmp_path / "log").exists()
 
@@ -149,6 +91,55 @@ def test_verbs_read_and_write_storage(tmp_path, s3, write_truth, monkeypatch, ca
     assert merged == whole
     assert run_main(monkeypatch, "replay", "s3://fleet/drives", "s3://fleet/depth") == 0
     assert {Path(name).name for name in system.ls("fleet/depth", refresh=True)} >= {"0.mcap", "1.mcap"}
+
+
+def test_samples_are_made_by_many_and_read_by_many(tmp_path, s3, write_truth, monkeypatch):
+    """Two jobs prepare samples in storage, of drives in storage; another computer trains and reads no drive."""
+    system, _ = s3
+    for seed in range(3):
+        system.put_file(str(write_truth(tmp_path / f"{seed}.mcap", seed)), f"fleet/bags/{seed}.mcap")
+    asked = ("train", "--bags", "s3://fleet/bags", "--cache", "s3://fleet/samples")
+    for shard in ("0/2", "1/2"):
+        assert run_main(monkeypatch, *asked, "--out", tmp_path / shard[0], "--cache-only", "--shard", shard) == 0
+    assert not (tmp_path / "0").exists()
+    made = {Path(name).name for name in system.find("fleet/samples") if not name.endswith(".gz")}
+    assert made >= {"drive.json", "index.npy", "samples.raw"}
+
+    def unread(*_):
+        raise AssertionError("a drive was read whose samples are there")
+
+    monkeypatch.setattr(cache, "read_samples", unread)
+    recipe, run = tmp_path / "recipe.yaml", tmp_path / "run"
+    recipe.write_text(
+        "{iterations: 1, phases: [{share: 1.0, crops: [[64, 64]], batch: 2}], validation: {frames: 1}}",
+        encoding="utf-8",
+    )
+    assert run_main(monkeypatch, *asked, "--out", run, "--processes", 1, "--config", recipe) == 0
+    assert (run / "baff.safetensors").is_file()
+    assert len(list((run / "cache").glob("*/samples.raw"))) == 3
+
+
+def test_samples_in_storage_that_are_damaged_are_made_anew(tmp_path, s3, write_truth):
+    system, _ = s3
+    bag = write_truth(tmp_path / "0.mcap", 0)
+    settings, shared = CacheSettings(630.0, 100.0), SharedCache("s3://fleet/samples")
+    (first,) = cached_drives([bag], tmp_path / "first", settings, shared=shared)
+    (samples,) = system.glob("fleet/samples/*/samples.raw")
+    whole = system.cat_file(samples)
+    system.pipe_file(samples, whole[:-1])
+    (second,) = cached_drives([bag], tmp_path / "second", settings, shared=shared)
+    np.testing.assert_array_equal(second[1].image, first[1].image)
+    assert system.cat_file(samples) == whole
+
+
+def test_samples_that_the_disk_has_no_room_for_are_not_fetched(tmp_path, s3, write_truth, monkeypatch):
+    bag = write_truth(tmp_path / "0.mcap", 0)
+    settings, shared = CacheSettings(630.0, 100.0), SharedCache("s3://fleet/samples")
+    cached_drives([bag], tmp_path / "first", settings, shared=shared)
+    monkeypatch.setattr(transfers.shutil, "disk_usage", lambda _: SimpleNamespace(free=1 << 20))
+    with pytest.raises(StorageError, match=r"s3://fleet/samples/0-\w+ has 0 MB, and .* has room for 0 MB; free some"):
+        cached_drives([bag], tmp_path / "second", settings, shared=shared)
+    assert not list((tmp_path / "second").iterdir())
 
 
 def test_a_place_keeps_its_two_slashes():

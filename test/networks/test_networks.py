@@ -209,13 +209,9 @@ def test_script_equals_eager(network: Network) -> None:
                     torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
 
 
-EXPORTED = [
-    form if form in ("baff", "structured") else pytest.param(form, marks=pytest.mark.exhaustive) for form in FORMS
-]
-
-
+@pytest.mark.exhaustive
 @pytest.mark.timeout(400)  # the exporter takes its time, on a busy machine more
-@pytest.mark.parametrize("network", EXPORTED, indirect=True)
+@pytest.mark.parametrize("network", FORMS, indirect=True)
 def test_export_with_dynamic_height_width_and_number_of_returns(network: Network) -> None:
     height, width = (32 * torch.export.Dim(name, min=3, max=60) for name in ("height", "width"))
     count = torch.export.Dim("count", min=0, max=4096)

@@ -52,7 +52,7 @@ def is_bag(place: Path) -> bool:
 
 def found_bags(places: Sequence[Path]) -> list[str]:
     """Places of the bags of a run, sorted; BagError for a place without any."""
-    from radcam_depth_ros.fleet.storage import find_places, place_of
+    from radcam_depth_ros.storage import find_places, place_of
 
     return find_places([place_of(place) for place in places])
 
@@ -73,8 +73,8 @@ def run_fleet(work: Work, places: Sequence[str], out: Path, shard: str | None, o
     from radcam_depth_ros.fleet.engines import engine_of
     from radcam_depth_ros.fleet.running import run
     from radcam_depth_ros.fleet.shard import Shard
-    from radcam_depth_ros.fleet.storage import place_of
     from radcam_depth_ros.fleet.unit import units_of
+    from radcam_depth_ros.storage import place_of
 
     units = units_of(places)
     share = Shard() if shard is None else Shard.parse(shard)

@@ -13,7 +13,7 @@ import stat
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -23,10 +23,10 @@ import numpy.typing as npt
 from radcam_depth_ros import configuration
 from radcam_depth_ros.drive import DriveSettings, Sample, ScanSummary, ScanUse, read_samples
 from radcam_depth_ros.estimator import radar_columns
-from radcam_depth_ros.files import content_of
 from radcam_depth_ros.frame import CameraModel, FloatArray
 from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.resampling import resample_image
+from radcam_depth_ros.storage import content_at, place_of, staged, stamp_at
 from radcam_depth_ros.training.data.samples import (
     CARD,
     FORMAT_VERSION,
@@ -37,6 +37,7 @@ from radcam_depth_ros.training.data.samples import (
     SampleWriter,
     TrainingSample,
 )
+from radcam_depth_ros.training.data.shared_cache import SharedCache
 from radcam_depth_ros.training.errors import TrainingError
 
 
@@ -62,22 +63,25 @@ def cached_drives(
     processes: int = 1,
     on_bag: Callable[[Path], None] = lambda bag: None,
     on_note: Callable[[str], None] = lambda note: None,
+    shared: SharedCache | None = None,
 ) -> tuple[CachedDrive, ...]:
     """The cached drives of some bags; those that are missing, or whose bag or settings changed, are built.
 
     Args:
-        bags: Bag folders or files.
+        bags: Bag folders or files, on a disk or at URLs.
         folder: Where caches are kept.
         settings: What samples are made with.
         processes: Bags that are read at once.
         on_bag: Called after each bag that is ready.
         on_note: Told what the bags lack, once for all that lack the same.
+        shared: Looked into before a bag is read, and given what is built.
 
     Raises:
         TrainingError: for a bag without any frame with ground truth, or when the cache cannot be written.
         BagError: for a bag that cannot be read.
+        StorageError: for storage that cannot be read or written.
     """
-    places = {bag: _located(bag, folder, settings) or _place(bag, folder, settings) for bag in bags}
+    places = {bag: _located(bag, folder, settings) or folder / cache_name(bag, settings) for bag in bags}
     missing = [bag for bag in bags if not _is_current(bag, places[bag], settings)]
     for bag in bags:
         if bag not in missing:
@@ -85,7 +89,7 @@ def cached_drives(
     if len(missing) > 1 and processes > 1:
         # spawn: a forked child of a process that has used torch's threads may hang.
         with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-            futures = {pool.submit(build_drive, bag, places[bag], settings): bag for bag in missing}
+            futures = {pool.submit(build_drive, bag, places[bag], settings, shared): bag for bag in missing}
             try:
                 for future in as_completed(futures):
                     future.result()
@@ -100,7 +104,7 @@ def cached_drives(
                 raise
     else:
         for bag in missing:
-            build_drive(bag, places[bag], settings)
+            build_drive(bag, places[bag], settings, shared)
             on_bag(bag)
     drives = tuple(CachedDrive(places[bag]) for bag in bags)
     _tell_notes(drives, on_note)
@@ -126,14 +130,24 @@ def _some(bags: Sequence[str]) -> str:
     return f"{bags[0]}{others}"
 
 
-def build_drive(bag: Path, place: Path, settings: CacheSettings) -> None:
-    """Reads a bag and writes its cached drive; `place` appears whole or not at all.
+def build_drive(
+    bag: Path, place: Path, settings: CacheSettings, shared: SharedCache | None = None, local: Path | None = None
+) -> None:
+    """Takes a cached drive from the shared cache, or reads its bag; `place` appears whole or not at all.
 
     Processes that build the same drive at once take turns, and the later ones find it built. What a killed one left
     behind is removed.
 
+    Args:
+        bag: The bag, on a disk or at a URL.
+        place: Where its cached drive is to be.
+        settings: What samples are made with.
+        shared: Looked into first, and given what is built.
+        local: The bag on this disk, where somebody has fetched it already.
+
     Raises:
         TrainingError: when no frame of the bag has ground truth, the camera changes within it, or the disk is full.
+        StorageError: for storage that cannot be read or written.
     """
     partial = place.with_name(place.name + ".part")
     try:
@@ -142,7 +156,10 @@ def build_drive(bag: Path, place: Path, settings: CacheSettings) -> None:
                 partial.rmdir()
                 return
             try:
-                _write_drive(bag, partial, settings)
+                if shared is None or not shared.fetch(place.name, partial):
+                    _write_drive(bag, partial, settings, local)
+                    if shared is not None:
+                        shared.put(partial, place.name)
                 shutil.rmtree(place, ignore_errors=True)
                 partial.rename(place)
             except BaseException:
@@ -193,14 +210,15 @@ def _inode(folder: Path) -> int | None:
         return None
 
 
-def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
-    origin = (*_bag_stat(bag), content_of(bag))
+def _write_drive(bag: Path, folder: Path, settings: CacheSettings, local: Path | None) -> None:
+    source = place_of(bag)
+    origin = (source, _stamp(bag), content_at(source))
     camera: CameraModel | None = None
     radars: tuple[str, ...] = ()
     notes: list[str] = []
     scans: list[ScanUse] = []
-    with SampleWriter(folder) as writer:
-        for sample in read_samples(bag, settings.drive, notes.append):
+    with nullcontext(local) if local else staged(source) as bag_here, SampleWriter(folder) as writer:
+        for sample in read_samples(bag_here, settings.drive, notes.append):
             if sample.scan is not None:
                 scans.append(sample.scan)
             if sample.source == "none":
@@ -220,7 +238,7 @@ def _write_drive(bag: Path, folder: Path, settings: CacheSettings) -> None:
                 "stamps near the images'" + "".join(f"; of the scans {found}" for found in summary.sentences)
             )
         mapping = configuration.as_mapping(settings)
-        card = DriveCard(FORMAT_VERSION, str(bag), *origin, mapping, len(writer), camera, radars, tuple(notes), summary)
+        card = DriveCard(FORMAT_VERSION, *origin, mapping, len(writer), camera, radars, tuple(notes), summary)
         writer.finish(card)
 
 
@@ -296,11 +314,12 @@ def _returns(
     return np.concatenate(columns), np.concatenate(sources)
 
 
-def _place(bag: Path, folder: Path, settings: CacheSettings) -> Path:
-    """By content, so that a cache serves wherever its bag and itself are."""
+def cache_name(bag: Path, settings: CacheSettings) -> str:
+    """The name of a bag's cached drive: by content, so that a cache serves wherever its bag and itself are."""
+    _stamp(bag)
     mapping = configuration.as_mapping(settings)
-    key = json.dumps([FORMAT_VERSION, content_of(bag), mapping], sort_keys=True)
-    return folder / f"{bag.stem}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
+    key = json.dumps([FORMAT_VERSION, content_at(place_of(bag)), mapping], sort_keys=True)
+    return f"{bag.stem}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 
 
 def _is_current(bag: Path, place: Path, settings: CacheSettings) -> bool:
@@ -312,16 +331,16 @@ def _is_current(bag: Path, place: Path, settings: CacheSettings) -> bool:
         return False
     if card.version != FORMAT_VERSION or card.settings != configuration.as_mapping(settings):
         return False
-    return _is_where_it_was(bag, card) or card.source_sha256 == content_of(bag)
+    return _is_where_it_was(bag, card) or card.source_content == content_at(place_of(bag))
 
 
 def _is_where_it_was(bag: Path, card: DriveCard) -> bool:
-    return (card.source, card.source_size, card.source_mtime_ns) == (str(bag), *_bag_stat(bag))
+    return (card.source, card.source_stamp) == (place_of(bag), _stamp(bag))
 
 
 def _located(bag: Path, folder: Path, settings: CacheSettings) -> Path | None:
     """The cache of a bag that has not changed since, found without reading the bag; None where there is none."""
-    _bag_stat(bag)  # a bag that is gone is told, whatever is cached
+    _stamp(bag)  # a bag that is gone is told, whatever is cached
     mapping = configuration.as_mapping(settings)
     for place in sorted(folder.glob(f"{glob.escape(bag.stem)}-*")):
         with suppress(TrainingError):
@@ -331,10 +350,9 @@ def _located(bag: Path, folder: Path, settings: CacheSettings) -> Path | None:
     return None
 
 
-def _bag_stat(bag: Path) -> tuple[int, int]:
-    """Size and time of change of a bag, whether a file or a folder of files."""
-    try:
-        parts = [part.stat() for part in (sorted(bag.iterdir()) if bag.is_dir() else [bag])]
-    except FileNotFoundError:
-        raise TrainingError(f"there is no bag at {bag} any more; put it back, or start a run without it") from None
-    return sum(part.st_size for part in parts), max((part.st_mtime_ns for part in parts), default=0)
+def _stamp(bag: Path) -> str:
+    """What tells without reading whether a bag changed; TrainingError where it is gone."""
+    stamp = stamp_at(place_of(bag))
+    if not stamp:
+        raise TrainingError(f"there is no bag at {place_of(bag)} any more; put it back, or start a run without it")
+    return stamp

@@ -30,10 +30,10 @@ from radcam_depth_ros.training.errors import TrainingError
 
 ValueT = TypeVar("ValueT", bound=np.generic)
 
-FORMAT_VERSION = 6
+FORMAT_VERSION = 7
 """Counts changes of the layout above, of how images are resampled, and of how ground truth is made: from 4 on LiDAR
 scans are moved to the images' time; from 5 on a sample says whether its road is assumed; from 6 on a cache is named by
-its bag's content. A cache of another version is built again."""
+its bag's content; from 7 on bags may be at URLs. A cache of another version is built again."""
 
 RADAR_VALUES = 6
 """u px, v px, depth m, rcs dBsm, radial speed m/s, age s: what networks are given, NaN where unknown."""
@@ -89,11 +89,11 @@ class DriveCard:
 
     Attributes:
         version: Of the layout.
-        source: The bag's path.
-        source_size: Its size in bytes and `source_mtime_ns` its time of change: while both are the same where the bag
-            was, nobody reads it to know that it is the same.
-        source_mtime_ns: See `source_size`.
-        source_sha256: Of its content: a bag that changed is read again, one that moved is not.
+        source: The bag's path or URL.
+        source_stamp: Its size and time of change, at a URL its etag: while they are the same where the bag was, nobody
+            reads it to know that it is the same.
+        source_content: SHA-256 of its content, at a URL its etag: a bag that changed is read again, one that moved is
+            not.
         settings: What the samples were made with.
         frames: Number of samples.
         camera: The network's camera: its size is that of the images.
@@ -104,9 +104,8 @@ class DriveCard:
 
     version: int
     source: str
-    source_size: int
-    source_mtime_ns: int
-    source_sha256: str
+    source_stamp: str
+    source_content: str
     settings: Mapping[str, Any]
     frames: int
     camera: CameraModel

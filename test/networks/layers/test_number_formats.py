@@ -94,7 +94,9 @@ def road_image(height: int = 256, width: int = 448) -> tuple[Tensor, Tensor, Ten
     return image, radar, torch.tensor([0.0, slope, -slope * horizon, 1.0])
 
 
-@pytest.mark.parametrize("name", ["baff", "structured", "lircdepth"])
+@pytest.mark.parametrize(
+    "name", ["baff", *(pytest.param(name, marks=pytest.mark.exhaustive) for name in ("structured", "lircdepth"))]
+)
 def test_a_smooth_road_has_no_steps_in_bfloat16_that_float32_does_not_have(name: str) -> None:
     """A step: neighbours down a column with the same depth to the digit, or a leap after them."""
     network = archive.load(name).network

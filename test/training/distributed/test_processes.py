@@ -57,6 +57,7 @@ def record(folder: Path) -> list[dict[str, Any]]:
     return [{name: value for name, value in line.items() if name != "minutes"} for line in lines]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.timeout(400)  # four processes after one another, on a machine that may be busy
 def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
     tmp_path: Path, drive: CachedDrive
