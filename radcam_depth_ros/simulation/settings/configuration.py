@@ -73,6 +73,7 @@ class WorldConfig:
         view_m: How far ahead the street is built, metres.
         random_light: Share of the seeds with light that no weather gives: flat, coloured, without shadows, and with
             random tones in the camera.
+        wires: Share of the seeds with wires along the road, where the kind of street has not more of its own.
     """
 
     street: StreetKind = StreetKind.ANY
@@ -87,10 +88,11 @@ class WorldConfig:
     random_textures: float = 0.04
     view_m: float = 400.0
     random_light: float = 0.04
+    wires: float = 0.0
 
     def __post_init__(self) -> None:
         multiples = dict.fromkeys(("traffic", "parked", "people", "speed"), (0, 4))
-        shares = dict.fromkeys(("random_textures", "random_light"), (0, 1))
+        shares = dict.fromkeys(("random_textures", "random_light", "wires"), (0, 1))
         require_ranges("world", self, {**multiples, **shares, "max_slope": (0, 0.2), "view_m": (100, 1500)})
 
 

@@ -298,7 +298,7 @@ def draw_style(rng: np.random.Generator, config: WorldConfig) -> StreetStyle:
         bare=bare,
         conifers=pick(rng, (0.0, 0.15, 0.5)),
         snow=season is Season.SNOW,
-        has_wires=rng.random() < usual.wires,
+        has_wires=rng.random() < max(usual.wires, config.wires),
         tunnel=rng.uniform(0.12, 0.5),
         yellow_lines=rng.random() < (0.6 if works else 0.08),
         wetness=rng.uniform(0.3, 1.0) if rng.random() < 0.25 else 0.0,
