@@ -28,6 +28,7 @@ LACKING = {
     "radcam-depth export structured.pt --network structured": "radcam-depth-weights",
 }
 """What cannot run with the package alone, and what is to be named."""
+AS_ONNX = "radcam-depth export baff.onnx --size 224x448"
 ON_MANY = "radcam-depth evaluate drives --out results --on ray"
 HELPS = """\
 from typer.testing import CliRunner
@@ -135,6 +136,10 @@ def check_verbs(environment: Environment) -> None:
     environment.install("radcam_depth_ros", "ros", "sim", "train")
     for command in VERBS.splitlines():
         environment.run(command)
+    check_refusal(environment, AS_ONNX, "radcam-depth-ros[onnx]")
+    environment.install("radcam_depth_ros", "onnx")
+    environment.run(AS_ONNX)
+    environment.run("radcam-depth replay drives/second onnx.mcap --model baff.onnx")
     check_refusal(environment, ON_MANY, "radcam-depth-ros[fleet]")
     environment.install("radcam_depth_ros", "fleet")
     environment.run(ON_MANY)
