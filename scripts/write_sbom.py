@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -53,8 +54,9 @@ def bill(python: Path) -> Bom:
         "--no-validate",
         str(python),
     ]
-    # From elsewhere: metadata that a build left in the working directory would be listed as a second package.
-    listed = subprocess.run(listing, cwd=python.parent, capture_output=True, text=True, check=True).stdout
+    # Without PYTHONPATH: metadata that a build left in a checkout would be listed as a second package of that name.
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    listed = subprocess.run(listing, env=variables, capture_output=True, text=True, check=True).stdout
     found: Bom = Bom.from_json(json.loads(listed))  # type: ignore[attr-defined]  # by a decorator
     needed = {child.ref for entry in found.dependencies for child in entry.dependencies}
     for component in list(found.components):
@@ -81,7 +83,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("python", type=Path)
     parser.add_argument("out", type=Path)
     given = parser.parse_args(arguments)
-    text = JsonV1Dot6(bill(given.python.absolute())).output_as_string(indent=2)
+    text = JsonV1Dot6(bill(given.python)).output_as_string(indent=2)
     if problem := JsonStrictValidator(SchemaVersion.V1_6).validate_str(text):
         raise SystemExit(f"the bill of materials is not valid: {problem}")
     given.out.write_text(f"{text}\n", encoding="utf-8")
