@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import sys
 from collections.abc import Callable
@@ -61,6 +62,13 @@ def test_simulate(
     said = end_of(monkeypatch, capsys, "simulate", str(tmp_path / "drive"), "--frames", "1")
     assert said.count("\n") == 1
     assert install_extra("sim") in said
+
+
+def test_export_to_onnx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    said = end_of(monkeypatch, capsys, "export", str(tmp_path / "baff.onnx"))
+    assert said.count("\n") == 1
+    assert install_extra("onnx") in said
 
 
 def test_play_and_view(

@@ -54,6 +54,7 @@ def _export_onnx(out: Path, source: Path | str, size: str, opset: int | None) ->
     from radcam_depth_ros.cli.terminal.bench_request import parse_size
     from radcam_depth_ros.networks.weights_io import archive, onnx_export
 
+    onnx_export.require_packages()
     image = Size.padded(*parse_size(size), points=0)
     loaded = archive.load(source)
     typer.echo(

@@ -63,6 +63,11 @@ class Standalone(nn.Module):
         return tuple(maps for maps in depths if maps is not None)
 
 
+def require_packages() -> None:
+    """Refuses where what an export needs is not installed, by an ArchiveError that names the extra."""
+    onnx_file.require("an export to ONNX", "onnx", "onnxscript", "onnxruntime")
+
+
 def export(archive: Archive, path: Path | str, height: int, width: int, opset: int = OPSET) -> None:
     """Writes one ONNX file for images of one size and any number of returns, with the weights and the card inside.
 
@@ -78,7 +83,7 @@ def export(archive: Archive, path: Path | str, height: int, width: int, opset: i
     Raises:
         ArchiveError: where that cannot be, or the file gives another depth than the network.
     """
-    onnx_file.require("an export to ONNX", "onnx", "onnxscript", "onnxruntime")
+    require_packages()
     if not isinstance(archive.network, Network):
         raise ArchiveError(
             "expected weights in a .safetensors file to export as ONNX, got an exported file; give the weights"
