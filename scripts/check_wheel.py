@@ -28,7 +28,7 @@ LACKING = {
     "radcam-depth export structured.pt --network structured": "radcam-depth-weights",
 }
 """What cannot run with the package alone, and what is to be named."""
-AS_ONNX = "radcam-depth export baff.onnx --size 224x448"
+AS_ONNX = "radcam-depth export baff.onnx"
 ON_MANY = "radcam-depth evaluate drives --out results --on ray"
 HELPS = """\
 from typer.testing import CliRunner

@@ -84,8 +84,9 @@ class Look:
             self.problems.append(f"console: {message.text}")
 
     def _miss(self, request: Any) -> None:
-        # Of a video a browser takes what it needs, and breaks off.
-        if (request.resource_type, request.failure) != ("media", "net::ERR_ABORTED"):
+        # Of a video a browser takes what it needs, and breaks off; so it does with the icon of a page that is left.
+        breaks_off = request.resource_type == "media" or request.url.endswith("/favicon.png")
+        if not (breaks_off and request.failure == "net::ERR_ABORTED"):
             self.problems.append(f"failed: {request.url}, {request.failure}")
 
     def _see(self, response: Any) -> None:
