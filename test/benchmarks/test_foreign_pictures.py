@@ -39,7 +39,8 @@ def test_a_black_picture_changes_nothing_else(write_drive: Write, tmp_path: Path
         assert not sample.frame.image.any()
         assert original.frame.image.any()
         assert (sample.frame.stamp_ns, sample.frame.camera) == (original.frame.stamp_ns, original.frame.camera)
-        assert (sample.frame.ground, sample.frame.lens) == (original.frame.ground, original.frame.lens)
+        # By their words: from Python 3.13 on a road of unknown height, NaN, equals no other.
+        assert repr((sample.frame.ground, sample.frame.lens)) == repr((original.frame.ground, original.frame.lens))
         np.testing.assert_array_equal(sample.frame.radar.xyz_m, original.frame.radar.xyz_m)
         np.testing.assert_array_equal(sample.frame.radar.rcs_dbsm, original.frame.radar.rcs_dbsm)
         np.testing.assert_array_equal(sample.depth_m, original.depth_m)
