@@ -128,7 +128,8 @@ MinutesOption = Annotated[
 ]
 SeedOption = Annotated[int | None, typer.Option(help="Of weights, order and augmentation, in place of the recipe's.")]
 CacheOption = Annotated[
-    Path | None, typer.Option(help="Where prepared samples are kept, a folder or a URL; by default in the run's folder.")
+    Path | None,
+    typer.Option(help="Where prepared samples are kept, a folder or a URL; by default in the run's folder."),
 ]
 TensorboardOption = Annotated[
     bool, typer.Option("--tensorboard", help="Write the losses for TensorBoard as well, if it is installed.")
