@@ -91,8 +91,8 @@ def export_dataset(
 ) -> None:
     """Writes drives as scenes in the schema of nuScenes, for tools that read that: no annotations.
 
-    Example: radcam-depth simulate out/drive --seed 7 --frames 20 &&
-    radcam-depth export-dataset nuscenes out/drive out/nuscenes
+    Example: radcam-depth simulate out/city --seed 7 --frames 20 &&
+    radcam-depth export-dataset nuscenes out/city out/city_as_nuscenes
     """
     from radcam_depth_ros.bags import find_bags
     from radcam_depth_ros.datasets import DatasetError, export_nuscenes

@@ -39,8 +39,9 @@ def simulate(
 ) -> None:
     """Simulates a drive with camera, radars, LiDAR and odometry, with exact depth and classes of every image.
 
+    For drives to train on: radcam-depth simulate drives/ --drives 500 --frames 8 --config config/training_drives.yaml
+
     Example: radcam-depth simulate out/drive --seed 7 --frames 20
-    Drives to train on: radcam-depth simulate drives/ --drives 500 --frames 8 --config config/training_drives.yaml
     """
     from radcam_depth_ros import configuration
     from radcam_depth_ros.frame import RadcamDepthError

@@ -49,8 +49,9 @@ def survey(path: Path | str, progress: Callable[[int, int], None] | None = None)
                 progress(number, total)
         transforms, transform_problem = _read_transforms(reader, roles)
         seconds = reader.duration_ns / 1e9
-    # Whatever the file says of their number, only topics with messages are reported.
+    # Whatever the file says of their number, only topics with messages are reported, and have a role.
     recordings = {name: entry for name, entry in recordings.items() if entry.logs_ns}
+    roles = Roles.of([entry.info for entry in recordings.values()])
     topics = tuple(recordings[name].topic_facts() for name in sorted(recordings))
     images = tuple(entry.image_facts() for entry in recordings.values() if entry.info.type_name in IMAGE_TYPES)
     cameras = tuple(entry.camera_facts() for entry in recordings.values() if entry.info.type_name in CAMERA_INFO_TYPES)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -348,3 +348,19 @@ def test_topics_whose_messages_the_file_does_not_count_are_reported(
     path = write_changed(tmp_path / "drive.mcap")
     monkeypatch.setattr(BagReader, "_list_topics", uncounted)
     assert {facts.topic for facts in survey(path).topics} >= {IMAGE, INFO, RADAR}
+
+
+@pytest.mark.parametrize(("listed", "words"), [(IMAGE, "camera image"), (RADAR, "radar")])
+def test_a_topic_that_the_file_lists_without_a_message_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listed: str, words: str
+) -> None:
+    messages = BagReader.messages
+
+    def without(reader: BagReader, *arguments: Any) -> Iterator[Any]:
+        return (item for item in messages(reader, *arguments) if item.topic != listed)
+
+    path = write_changed(tmp_path / "drive.mcap")
+    monkeypatch.setattr(BagReader, "messages", without)
+    report = survey(path)
+    assert listed not in {facts.topic for facts in report.topics}
+    assert words in texts(report, "error")
