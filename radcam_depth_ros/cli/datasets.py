@@ -35,8 +35,8 @@ def import_(
 
     A scene that fails is told, and the others go on; then the exit code is 3.
 
-    Example: radcam-depth simulate out/drive --seed 7 --frames 20 &&
-    radcam-depth export-dataset nuscenes out/drive out/nuscenes &&
+    Example: radcam-depth simulate out/town --seed 7 --frames 20 &&
+    radcam-depth export-dataset nuscenes out/town out/nuscenes &&
     radcam-depth import nuscenes out/nuscenes out/scenes --version v1.0-mini
     """
     from radcam_depth_ros.datasets import (
