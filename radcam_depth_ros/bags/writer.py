@@ -20,6 +20,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.typesys import TypesysError
 
 from radcam_depth_ros.bags.definitions import MessageType
 from radcam_depth_ros.bags.errors import BagError
@@ -181,6 +182,11 @@ class BagWriter:
             self._writer.write(self._connections[key], log_time_ns, raw)
         except OSError as error:
             raise BagError(f"cannot write to the bag {self.path}: {error}; free some space") from error
+        except TypesysError as error:
+            raise BagError(
+                f"the definition of {message_type.name}, the type of {topic}, is not whole: {error} Leave the topic "
+                "out of what is copied"
+            ) from None
 
     def _check_free(self) -> None:
         if not self.path.name:

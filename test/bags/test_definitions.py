@@ -8,7 +8,7 @@ import pytest
 from bag_bombs import chunk_record, message_record, schema_record, write_mcap
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-from radcam_depth_ros.bags import BagError, BagReader
+from radcam_depth_ros.bags import BagError, BagReader, BagWriter
 from radcam_depth_ros.bags.definitions import MessageType
 
 NAME = "acme_msgs/msg/Detection"
@@ -151,3 +151,16 @@ def test_a_definition_that_is_refused_closes_its_topic_alone(tmp_path):
         for _ in range(2):
             with pytest.raises(BagError, match=r"1,000,000,000 elements .*; leave its topics out"):
                 _ = item.message
+
+
+def test_a_definition_that_lacks_a_type_is_not_copied(tmp_path):
+    content = message_record(bytes(8))
+    schema = schema_record(NAME, "acme_msgs/Missing part\n")
+    path = write_mcap(tmp_path / "drive.mcap", [chunk_record(content, "", len(content))], schema=schema)
+    with BagReader(path) as bag:
+        (item,) = bag.messages()
+        with (
+            BagWriter(tmp_path / "copy.mcap") as copy,
+            pytest.raises(BagError, match=r"the type of /camera/image_raw, is not whole"),
+        ):
+            copy.copy(item)
