@@ -138,6 +138,8 @@ class Ablation:
         sources = {"--teacher": str(self._options.teacher)} if form.is_taught else {}
         if form.is_taught and self._options.teacher is None:
             raise SystemExit(f"{name} learns from a teacher: give its weight file with --teacher")
+        if self._options.backbone_weights is not None:
+            sources["--backbone-weights"] = self._options.backbone_weights
         budget = dataclasses.replace(group.budget, recipe={**group.budget.recipe, **form.recipe})
         training = ShortTraining(folder, budget, form.network, form.architecture, seed, sources)
         training.run()
@@ -282,6 +284,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--forms", nargs="+", choices=FORMS, metavar="NAME", help="all of --network by default")
     parser.add_argument("--first-seed", type=int, default=0, help="of --seeds that follow one another")
     parser.add_argument("--teacher", type=Path, help="weights that taught forms learn from")
+    parser.add_argument("--backbone-weights", help="of all forms, as of `train`: imagenet, or a file; random by default")
     parser.add_argument("--returns", type=int, default=24, help="of the forms with few returns")
     parser.add_argument("--time-returns", type=int, nargs="*", default=[10, 30, 100], help="of `baff`; none: no timing")
     parser.add_argument("--rounds", type=int, default=20, help="turns of the timing")
