@@ -84,7 +84,7 @@ setup(
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]>=7.1", "ros-jazzy-common-interfaces>=5.3"],
         "sim": ["embreex>=4.4"],
-        "train": ["embreex>=4.4", "tensorboard>=2.18"],
+        "train": ["embreex>=4.4", "kornia>=0.8", "tensorboard>=2.18"],
         "weights": [f"radcam-depth-weights=={VERSION}"],
         "fleet": ["fsspec>=2024.6", "ray[client]>=2.50", "s3fs>=2024.6"],
         "onnx": ["onnx>=1.17", "onnxruntime>=1.20", "onnxscript>=0.5"],
@@ -102,6 +102,7 @@ setup(
             "bandit>=1.8",
             "colcon-common-extensions>=0.3",
             "hypothesis>=6.100",
+            "kornia>=0.8",
             "mypy>=1.10",
             "onnx>=1.17",
             "onnxruntime>=1.20",

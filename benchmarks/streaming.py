@@ -26,7 +26,8 @@ import numpy as np
 from benchmarks.memory import memory_mib
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.frame import CameraModel, GroundPlane
-from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet, prefetch
+from radcam_depth_ros.training.data.batches import BatchMaker, prefetch
+from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import (
     FORMAT_VERSION,
     CachedDrive,

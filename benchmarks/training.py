@@ -32,8 +32,9 @@ from radcam_depth_ros.benchmarking.rotation import Schedule, in_rotation
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.simulation import SimulationConfig, simulate
 from radcam_depth_ros.training import checkpoint, fit
-from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet
+from radcam_depth_ros.training.data.batches import BatchMaker
 from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
+from radcam_depth_ros.training.data.sample_sets import SampleSet, TrainingData
 from radcam_depth_ros.training.distributed.ranks import joined
 from radcam_depth_ros.training.losses.registry import Criterion
 from radcam_depth_ros.training.observer import StepReport, ValidationReport
@@ -89,7 +90,7 @@ def work(
         started = time.perf_counter()
         batch = maker.make(ranks.rank * count, count, crop)
         making_s = time.perf_counter() - started
-        data = fit.TrainingData(samples, samples, "a simulated drive")
+        data = TrainingData(samples, samples, "a simulated drive")
         trainer = fit.Trainer(network, data, recipe, folder / str(ranks.rank), _Silent(), resume=False, ranks=ranks)
         # Counted by itself: the counter slows it down.
         counter = FlopCounterMode(display=False)

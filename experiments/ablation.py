@@ -49,8 +49,9 @@ from radcam_depth_ros.evaluation.measures.classes import ClassMeans
 from radcam_depth_ros.evaluation.measures.metrics import DepthAccumulator, DepthRange, SemiDenseAccumulator, json_number
 from radcam_depth_ros.networks import registry
 from radcam_depth_ros.networks.weights_io import archive
-from radcam_depth_ros.training.data.batches import SampleSet, collate
+from radcam_depth_ros.training.data.batches import collate
 from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
+from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import TrainingSample
 
 ERRORS = tuple(f"{measure}_{range_m}" for measure in ("mae", "rmse") for range_m in (50, 70, 80))
@@ -284,7 +285,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--forms", nargs="+", choices=FORMS, metavar="NAME", help="all of --network by default")
     parser.add_argument("--first-seed", type=int, default=0, help="of --seeds that follow one another")
     parser.add_argument("--teacher", type=Path, help="weights that taught forms learn from")
-    parser.add_argument("--backbone-weights", help="of all forms, as of `train`: imagenet, or a file; random by default")
+    parser.add_argument(
+        "--backbone-weights", help="of all forms, as of `train`: imagenet, or a file; random by default"
+    )
     parser.add_argument("--returns", type=int, default=24, help="of the forms with few returns")
     parser.add_argument("--time-returns", type=int, nargs="*", default=[10, 30, 100], help="of `baff`; none: no timing")
     parser.add_argument("--rounds", type=int, default=20, help="turns of the timing")

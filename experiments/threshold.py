@@ -19,8 +19,8 @@ from experiments.adjusted import adjusted
 from radcam_depth_ros.bags import find_bags
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.networks.weights_io import archive
-from radcam_depth_ros.training.data.batches import SampleSet
 from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
+from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.drives import refuse_test_drives
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.validation import validate

@@ -26,8 +26,9 @@ from radcam_depth_ros.classes import WIRE
 from radcam_depth_ros.cli.terminal.options import write_json
 from radcam_depth_ros.frame import SKY_FROM, FloatArray
 from radcam_depth_ros.networks.weights_io import archive
-from radcam_depth_ros.training.data.batches import SampleSet, collate
+from radcam_depth_ros.training.data.batches import collate
 from radcam_depth_ros.training.data.cache import CacheSettings, cached_drives
+from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.drives import refuse_test_drives
 

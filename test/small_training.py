@@ -18,11 +18,11 @@ from torch import Tensor, nn
 from radcam_depth_ros.networks import Association, Depths, Network, TrainOutputs, registry
 from radcam_depth_ros.reporting import page
 from radcam_depth_ros.training import fit
-from radcam_depth_ros.training.data.batches import SampleSet
+from radcam_depth_ros.training.data.sample_sets import SampleSet, TrainingData
 from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.distributed.normalisation import join_batch_norms
 from radcam_depth_ros.training.distributed.ranks import Ranks, joined
-from radcam_depth_ros.training.fit import Trainer, TrainingData
+from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.observer import StepReport, ValidationReport
 from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig, recipe_of
 

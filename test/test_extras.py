@@ -7,8 +7,10 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
 
 from radcam_depth_ros import node
 from radcam_depth_ros.cli import main
@@ -19,6 +21,8 @@ from radcam_depth_ros.storage import StorageError, folder_at
 from radcam_depth_ros.training.curves import require_tensorboard
 from radcam_depth_ros.training.data import rehearsal
 from radcam_depth_ros.training.errors import TrainingError
+from radcam_depth_ros.training.recipe import recipe_of
+from radcam_depth_ros.training.resident.choice import maker_of
 
 ROOT = Path(__file__).parents[1]
 
@@ -114,3 +118,12 @@ def test_s3(take_away: Callable[..., None]) -> None:
     take_away("s3fs")
     with pytest.raises(StorageError, match=re.escape(install_extra("fleet"))):
         folder_at("s3://bucket/drives")
+
+
+def test_samples_on_a_device(take_away: Callable[..., None]) -> None:
+    modules = ("batches", "photometric", "appearance")
+    for package in ("kornia", "kornia.filters", "kornia.color"):
+        take_away(package, *(f"training.resident.{name}" for name in modules))
+    samples: Any = None
+    with pytest.raises(TrainingError, match=re.escape(install_extra("train"))):
+        maker_of("device", torch.device("cpu"), samples, recipe_of("baff").augmentation, 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 from pathlib import Path
 
@@ -16,17 +17,20 @@ SCRIPT = ROOT / "scripts" / "train_everything.sh"
 
 @pytest.mark.endurance
 @pytest.mark.timeout(1500)
-def test_two_minutes_give_weights_and_their_errors(tmp_path: Path) -> None:
+@pytest.mark.parametrize("beside", ["", "1"])
+def test_two_minutes_give_weights_and_their_errors(beside: str, tmp_path: Path) -> None:
     out = tmp_path / "everything"
-    subprocess.run([str(SCRIPT), "2", str(out)], check=True, cwd=ROOT)
+    environment = {**os.environ, "BESIDE": beside}
+    subprocess.run([str(SCRIPT), "2", str(out)], check=True, cwd=ROOT, env=environment)
     trained = archive.load(out / "mix" / "baff.safetensors")
     assert trained.card.network == "baff"
     errors = json.loads((out / "errors.json").read_text(encoding="utf-8"))
     assert errors["frames"] == 8
     assert errors["dense"]["80"]["mae"] > 0
+    assert (out / "drives.log").exists() == bool(beside)
     # Started again it has nothing left to do but to measure.
     before = {path: path.stat().st_mtime_ns for path in (out / "mix").iterdir()}
-    subprocess.run([str(SCRIPT), "2", str(out)], check=True, cwd=ROOT)
+    subprocess.run([str(SCRIPT), "2", str(out)], check=True, cwd=ROOT, env=environment)
     assert {path: path.stat().st_mtime_ns for path in (out / "mix").iterdir()} == before
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from threading import Event
 from types import FrameType
@@ -35,10 +34,9 @@ from radcam_depth_ros.cli.terminal.options import (
 from radcam_depth_ros.reporting.terminal import PlainConsole
 
 if TYPE_CHECKING:
-    from radcam_depth_ros.training.data.cache import CacheSettings
-    from radcam_depth_ros.training.data.samples import CachedDrive
     from radcam_depth_ros.training.distributed.ranks import Ranks
-    from radcam_depth_ros.training.fit import FitResult, TrainingData
+    from radcam_depth_ros.training.drives import OnTask
+    from radcam_depth_ros.training.fit import FitResult
     from radcam_depth_ros.training.initial import Sources
     from radcam_depth_ros.training.observer import StepReport, ValidationReport
     from radcam_depth_ros.training.plan import RunPlan
@@ -69,6 +67,9 @@ def train(
     processes: Annotated[int, typer.Option(min=1, help="Bags that are prepared at once.")] = 2,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the run in --out, with its bags and recipe.")
+    ] = False,
+    growing: Annotated[
+        bool, typer.Option("--growing", help="Take bags, too, that come into the places of --bags while it trains.")
     ] = False,
     cache_only: Annotated[
         bool, typer.Option("--cache-only", help="Prepare the samples of all bags that are given, and train nothing.")
@@ -102,6 +103,7 @@ def train(
             sources=Sources(init, backbone_weights, teacher),
             ground_truth=ground_truth,
             seed=seed,
+            is_growing=growing,
         )
         plan = _resumed_plan(asked) if resume else _new_plan(asked)
         if cache_only:
@@ -134,6 +136,7 @@ class _Request:
         sources: Weights to start or learn from.
         ground_truth: Which ground truth of the bags is taken.
         seed: Of weights, order and augmentation.
+        is_growing: Whether bags that come while it trains are taken.
     """
 
     out: Path
@@ -147,12 +150,14 @@ class _Request:
     sources: Sources
     ground_truth: str
     seed: int | None
+    is_growing: bool
 
 
 def _run(plan: RunPlan, out: Path, processes: int, ranks: Ranks, console: Console, *, resume: bool) -> FitResult:
     """Trains as planned, until done or a signal."""
     from radcam_depth_ros.training.checkpoint import before
     from radcam_depth_ros.training.curves import require_tensorboard
+    from radcam_depth_ros.training.drives import growth_of, load
     from radcam_depth_ros.training.fit import CHECKPOINT, Trainer
 
     if plan.config.tensorboard:
@@ -160,8 +165,9 @@ def _run(plan: RunPlan, out: Path, processes: int, ranks: Ranks, console: Consol
     # The chosen precision is kept with the run: resumed on another machine, it computes as before.
     plan = ranks.of_first(replace(plan, config=plan.config.with_chosen_precision()))
     with _progress(console) as progress:
+        note = progress.console.print
         with ranks.first_goes_ahead():
-            data = _load(plan, out, processes, progress)
+            data = load(plan, out, processes, _tasks(progress), note)
         if ranks.is_first:
             plan.write(out)
         console.print(f"training {plan.network} on {data.description}; validating on {len(data.validation)}")
@@ -169,8 +175,14 @@ def _run(plan: RunPlan, out: Path, processes: int, ranks: Ranks, console: Consol
             # A run that was cut off before its first checkpoint begins again.
             has_checkpoint = (out / CHECKPOINT).is_file() or before(out / CHECKPOINT).is_file()
             goes_on, observer = resume and has_checkpoint, _Display(progress)
-            trainer = Trainer(plan.network, data, plan.config, out, observer, goes_on, plan.sources, ranks)
-            return trainer.run(stop.is_set)
+            growth = growth_of(plan, out, processes, lambda: _found(plan.growing), note)
+            trainer = Trainer(plan.network, data, plan.config, out, observer, goes_on, plan.sources, ranks, growth)
+            with growth if growth is not None and ranks.is_first else nullcontext():
+                return trainer.run(stop.is_set)
+
+
+def _found(places: Sequence[str]) -> tuple[str, ...]:
+    return tuple(_found_again(bag) for bag in found_bags([Path(place) for place in places]))
 
 
 def _resumed_plan(asked: _Request) -> RunPlan:
@@ -180,12 +192,16 @@ def _resumed_plan(asked: _Request) -> RunPlan:
     from radcam_depth_ros.training.plan import RunPlan
 
     decided = (asked.bags, asked.params, asked.validation_bags, asked.rehearsal_bags, asked.recipe)
-    if any(decided) or asked.sources != Sources() or asked.seed is not None:
+    if any(decided) or asked.sources != Sources() or asked.seed is not None or asked.is_growing:
         raise TrainingError(
             "--resume takes bags, recipe, weights and seed from the run's folder; leave --bags, --validation-bags, "
-            "--rehearsal-bags, --params, --config, --init, --backbone-weights, --teacher and --seed out"
+            "--rehearsal-bags, --params, --config, --init, --backbone-weights, --teacher, --seed and --growing out"
         )
-    return RunPlan.read(asked.out)
+    plan = RunPlan.read(asked.out)
+    if not plan.growing:
+        return plan
+    others = {*plan.validation_bags, *plan.rehearsal_bags}
+    return replace(plan, bags=tuple(bag for bag in _found(plan.growing) if bag not in others))
 
 
 class _Display:
@@ -250,8 +266,10 @@ def _new_plan(asked: _Request) -> RunPlan:
     recipe = replace(recipe, loss=configuration.as_mapping(Criterion.of(network, recipe.loss).config))
     if asked.rehearsal_bags and not recipe.rehearsal.share:
         raise TrainingError("--rehearsal-bags need a share in the recipe: set rehearsal.share, 0.5 for example")
+    if asked.is_growing and not asked.validation_bags:
+        raise TrainingError("--growing needs bags that are always held out: give them by --validation-bags")
     found, held_out, rehearsed = (
-        tuple(_found_again(bag) for bag in found_bags(places))
+        _found([place_of(place) for place in places])
         for places in (asked.bags, asked.validation_bags, asked.rehearsal_bags)
     )
     return RunPlan(
@@ -266,6 +284,7 @@ def _new_plan(asked: _Request) -> RunPlan:
         read.ground_truth,
         read.frame_builder,
         read.topics,
+        tuple(_found_again(place_of(bag)) for bag in asked.bags) if asked.is_growing else (),
     )
 
 
@@ -293,57 +312,20 @@ def _require_cache_only(cache_only: bool, shared: str | None) -> None:
 def _cache(plan: RunPlan, shard: str | None, on: str | None) -> None:
     """Prepares the samples of the bags of a shard. Which of them are held out does not matter for that."""
     from radcam_depth_ros.fleet.work.caching import Caching
+    from radcam_depth_ros.training.drives import cache_settings
 
     bags = sorted({*plan.bags, *plan.validation_bags})
-    finish(run_fleet(Caching(plan.cache, _cache_settings(plan)), bags, Path(plan.cache), shard, on))
+    finish(run_fleet(Caching(plan.cache, cache_settings(plan)), bags, Path(plan.cache), shard, on))
 
 
-def _cache_settings(plan: RunPlan) -> CacheSettings:
-    from radcam_depth_ros.networks import registry
-    from radcam_depth_ros.training.data.cache import CacheSettings
+def _tasks(progress: Progress) -> OnTask:
+    """Shows each task as a bar."""
 
-    architecture = registry.create_config(plan.network, plan.config.architecture)
-    return CacheSettings(architecture.focal_length_px, architecture.max_depth_m, plan.drive)
+    def on_task(name: str, total: int) -> Callable[[str], None]:
+        task = progress.add_task(name, total=total, status="")
+        return lambda status: progress.update(task, advance=1, status=status)
 
-
-def _load(plan: RunPlan, out: Path, processes: int, progress: Progress) -> TrainingData:
-    from radcam_depth_ros.storage import is_remote
-    from radcam_depth_ros.training.data.cache import cached_drives
-    from radcam_depth_ros.training.data.rehearsal import rehearsal_drives
-    from radcam_depth_ros.training.data.shared_cache import SharedCache
-    from radcam_depth_ros.training.drives import load_data, with_rehearsal
-
-    recipe, settings = plan.config, _cache_settings(plan)
-    # What is in storage is copied once: samples are read in random order, each many times.
-    shared = SharedCache(plan.cache) if is_remote(plan.cache) else None
-    cache = out / "cache" if shared else Path(plan.cache)
-    bags, validation_bags, rehearsal_bags = (
-        [Path(bag) for bag in group] for group in (plan.bags, plan.validation_bags, plan.rehearsal_bags)
-    )
-    if recipe.rehearsal.share and not rehearsal_bags:
-        simulated = progress.add_task("simulating drives to rehearse", total=recipe.rehearsal.drives, status="")
-        rehearsal_bags = list(
-            rehearsal_drives(
-                recipe.rehearsal, cache / "rehearsal", processes, lambda: progress.update(simulated, advance=1)
-            )
-        )
-    task = progress.add_task("samples", total=len(bags) + len(validation_bags) + len(rehearsal_bags), status="")
-
-    def on_bag(bag: Path) -> None:
-        progress.update(task, advance=1, status=bag.name)
-
-    def prepare(bags: Sequence[Path], settings: CacheSettings) -> Sequence[CachedDrive]:
-        return cached_drives(bags, cache, settings, processes, on_bag, progress.console.print, shared)
-
-    data = load_data(bags, validation_bags, recipe.validation.hold_out, partial(prepare, settings=settings))
-    if plan.sources.initial is not None:
-        data = replace(data, description=f"{data.description}, from the weights of {Path(plan.sources.initial).stem}")
-    if plan.sources.teacher is not None:
-        data = replace(data, description=f"{data.description}, taught by {Path(plan.sources.teacher).stem}")
-    if rehearsal_bags:
-        settings = replace(settings, drive=plan.rehearsed_drive)
-        data = with_rehearsal(data, rehearsal_bags, recipe.rehearsal, partial(prepare, settings=settings))
-    return data
+    return on_task
 
 
 def _finish(result: FitResult, out: Path, console: Console) -> None:

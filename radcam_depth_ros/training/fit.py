@@ -19,7 +19,10 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.networks.weights_io import archive
 from radcam_depth_ros.training.checkpoint import AveragedWeights, RunState, Working, load_checkpoint, save_checkpoint
 from radcam_depth_ros.training.curves import MetricsLog, read_metrics
-from radcam_depth_ros.training.data.batches import Batch, BatchMaker, SampleSet, prefetch
+from radcam_depth_ros.training.data.batches import Batch, prefetch
+from radcam_depth_ros.training.data.growth import Growth
+from radcam_depth_ros.training.data.sample_sets import TrainingData
+from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.distributed import normalisation
 from radcam_depth_ros.training.distributed.gradients import share_gradients
 from radcam_depth_ros.training.distributed.ranks import Ranks
@@ -31,6 +34,7 @@ from radcam_depth_ros.training.optimiser import optimiser_of
 from radcam_depth_ros.training.page import first_middle_last, panels_of, write_page
 from radcam_depth_ros.training.precision import Precision
 from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
+from radcam_depth_ros.training.resident.choice import maker_of
 from radcam_depth_ros.training.teacher import Teacher
 from radcam_depth_ros.training.validation import ValidationResult, platt_scaling, spread, validate
 
@@ -39,31 +43,6 @@ METRICS = "metrics.jsonl"
 PAGE = "report.html"
 SKIPS_ALLOWED = 10
 """Iterations in a row without a finite gradient, after which a run is given up."""
-
-
-@dataclass(frozen=True)
-class TrainingData:
-    """What is trained and judged on.
-
-    Attributes:
-        train: Samples to train on.
-        validation: Held-out samples.
-        description: What the archive's card says of the data.
-        rehearsal: Samples of a former training, which are mixed in.
-        rehearsal_validation: Held-out samples of these.
-    """
-
-    train: SampleSet
-    validation: SampleSet
-    description: str
-    rehearsal: SampleSet | None = None
-    rehearsal_validation: SampleSet | None = None
-
-    @property
-    def largest(self) -> tuple[int, int]:
-        """Height and width that some image of each kind has: larger crops would show nothing there."""
-        sizes = [samples.largest for samples in (self.train, self.rehearsal) if samples is not None]
-        return min(height for height, _ in sizes), min(width for _, width in sizes)
 
 
 @dataclass(frozen=True)
@@ -94,6 +73,7 @@ class Trainer:
         resume: Go on from the folder's checkpoint.
         sources: Weights that it starts or learns from.
         ranks: The processes that train together; the first of them alone writes.
+        growth: Finds drives that come while it trains; the first process alone asks it.
 
     Raises:
         TrainingError: when checkpoint, sources, samples or parts do not fit, or the device is missing.
@@ -109,6 +89,7 @@ class Trainer:
         resume: bool,
         sources: Sources | None = None,
         ranks: Ranks | None = None,
+        growth: Growth | None = None,
     ) -> None:
         self._name = network
         self._data = data
@@ -116,6 +97,7 @@ class Trainer:
         self._folder = folder
         self._observer = observer
         self._ranks = ranks or Ranks()
+        self._growth = growth
         sources = sources or Sources()
         self._precision = Precision.choose(config.precision, config.device)
         if self._ranks.size == 1:
@@ -145,6 +127,8 @@ class Trainer:
         self.state = RunState(samples=len(data.train))
         if resume:
             self.state = load_checkpoint(folder / CHECKPOINT, self._working, observer.on_note)
+            if growth is not None:
+                self.state.samples = len(data.train)
             if self.state.samples != len(data.train):
                 raise TrainingError(
                     f"the run in {folder} was trained on {self.state.samples} samples, and now there are "
@@ -156,7 +140,8 @@ class Trainer:
             self._teacher = Teacher(sources.teacher, self.network, config.distillation, self._precision)
         if self._ranks.is_first:
             self._log = MetricsLog(folder / METRICS, self.state.step if resume else None, config.tensorboard)
-        self._maker = BatchMaker(data.train, config.augmentation, config.seed, data.rehearsal, config.rehearsal.share)
+        given = (data.train, config.augmentation, config.seed, data.rehearsal, config.rehearsal.share)
+        self._maker = maker_of(config.samples, self._precision.device, *given)
         self._saved_at = self._counted_until = time.monotonic()
         self._speed = 0.0
 
@@ -208,8 +193,7 @@ class Trainer:
         sizes = [(min(height, tallest), min(width, widest)) for height, width in phase.crops]
         count = self._ranks.part_of(phase.batch)
         place = self.state.position + self._ranks.rank * count
-        ahead = self._config.loader_threads + 2
-        with closing(prefetch(self._maker, place, count, sizes, pool, ahead, phase.batch)) as batches:
+        with closing(prefetch(self._maker, place, count, sizes, pool, self._ahead, phase.batch)) as batches:
             while not self._agree(should_stop()):
                 if self._is_finished() or self._config.phase(self._progress()) is not phase:
                     return False
@@ -287,11 +271,36 @@ class Trainer:
             minutes = self.state.elapsed_s / 60
             self._record("train", {**losses, "learning_rate": rate, "minutes": minutes})
             self.state.recent.clear()
+            self._grow()
         if step % config.validation.every_iterations == 0:
             self._validate()
             self.save()
         elif time.monotonic() - self._saved_at > 60 * config.checkpoint_every_minutes:
             self.save()
+
+    def _grow(self) -> None:
+        """Learns from drives that have come meanwhile, all processes from the same and from the same place on."""
+        if self._growth is None:
+            return
+        folders = self._ranks.of_first(self._growth.take() if self._ranks.is_first else ())
+        if not folders:
+            return
+        train = self._data.train.grown([CachedDrive(folder) for folder in folders])
+        # Batches that are in the making know nothing of them.
+        ahead = self._ahead + 1
+        try:
+            self._maker.grow(train, self.state.position + ahead * max(phase.batch for phase in self._config.phases))
+        except TrainingError as error:
+            self._observer.on_note(f"no more drives are taken: {error}")
+            self._growth = None
+            return
+        self.state.samples = len(train)
+        self._data = replace(self._data, train=train, description=f"{len(train)} frames of {len(train.drives)} bags")
+
+    @property
+    def _ahead(self) -> int:
+        """Batches that are in the making."""
+        return self._config.loader_threads + 2
 
     def _validate(self) -> None:
         normalisation.share_statistics(self.network, self._ranks)

@@ -35,6 +35,7 @@ class RunPlan:
         ground_truth: Which one is taken of the bags, see `DriveSettings`.
         frame_builder: How frames are made of the bags, as in the node.
         topics: Which topics of the bags are read.
+        growing: Places that are looked into for more bags while it trains; none where all bags are there.
     """
 
     network: str
@@ -47,6 +48,7 @@ class RunPlan:
     ground_truth: str = "any"
     frame_builder: FrameBuilderConfig = field(default_factory=FrameBuilderConfig)
     topics: TopicChoice = field(default_factory=TopicChoice)
+    growing: tuple[str, ...] = ()
 
     @property
     def drive(self) -> DriveSettings:

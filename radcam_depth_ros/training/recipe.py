@@ -146,6 +146,8 @@ class TrainingConfig:
         seed: Of weights, order and augmentation.
         precision: `float32`, `bfloat16`, or `auto`: see `engine.choose`.
         device: `cpu` or `cuda`.
+        samples: Where they are while a network trains: on the `disk`, or in the memory of the `device`, which augments
+            them, too.
         threads: CPU threads of torch; processes that share a batch keep the number that torchrun gives them.
         loader_threads: Threads that make batches.
         log_every_iterations: Between two lines of training losses.
@@ -171,6 +173,7 @@ class TrainingConfig:
     seed: int
     precision: str
     device: str
+    samples: str
     threads: int
     loader_threads: int
     log_every_iterations: int
@@ -193,6 +196,8 @@ class TrainingConfig:
             raise TrainingError(f"the shares of all phases must sum to 1, got {[s.share for s in self.phases]}")
         if self.precision not in ("auto", "float32", "bfloat16"):
             raise TrainingError(f"precision must be 'auto', 'float32' or 'bfloat16', got {self.precision!r}")
+        if self.samples not in ("disk", "device"):
+            raise TrainingError(f"samples must be 'disk' or 'device', got {self.samples!r}")
         if min(self.iterations, self.threads, self.loader_threads, self.log_every_iterations) < 1:
             raise TrainingError("iterations, threads, loader_threads and log_every_iterations must be at least 1")
         if (self.minutes is not None and self.minutes <= 0) or not 0 <= self.initial_share < 1:

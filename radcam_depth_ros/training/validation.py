@@ -14,7 +14,8 @@ import torch
 
 from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.networks import Network
-from radcam_depth_ros.training.data.batches import SampleSet, collate
+from radcam_depth_ros.training.data.batches import collate
+from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError

@@ -18,10 +18,11 @@ from radcam_depth_ros.networks import TrainOutputs, registry
 from radcam_depth_ros.networks.weights_io import archive, torchscript
 from radcam_depth_ros.training import fit
 from radcam_depth_ros.training.curves import read_metrics
+from radcam_depth_ros.training.data.sample_sets import TrainingData
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
 from radcam_depth_ros.training.distributed.ranks import Ranks
 from radcam_depth_ros.training.errors import TrainingError
-from radcam_depth_ros.training.fit import FitResult, Trainer, TrainingData
+from radcam_depth_ros.training.fit import FitResult, Trainer
 from radcam_depth_ros.training.initial import Sources
 from radcam_depth_ros.training.recipe import PhaseConfig, TrainingConfig
 from radcam_depth_ros.training.validation import LogitCounts, ValidationResult
@@ -74,6 +75,67 @@ def test_a_resumed_run_equals_an_uninterrupted_one(precision: str, tmp_path: Pat
     assert metrics(tmp_path / "parts") == metrics(tmp_path / "whole")
     whole_card, card = (archive.load(result.archive or "").card for result in (whole, resumed))
     assert card == whole_card
+
+
+def test_samples_may_be_held_and_augmented_on_the_device(tmp_path: Path, data: TrainingData) -> None:
+    config = dataclasses.replace(CONFIG, samples="device")
+    _, expected, _ = run(data, tmp_path / "whole", config)
+    run(data, tmp_path / "parts", config, stop_after=3)
+    _, trainer, _ = run(data, tmp_path / "parts", config, resume=True)
+    for name, value in expected.network.state_dict().items():
+        torch.testing.assert_close(value, trainer.network.state_dict()[name], msg=name)
+    with pytest.raises(TrainingError, match="samples must be 'disk' or 'device', got 'gpu'"):
+        dataclasses.replace(CONFIG, samples="gpu")
+
+
+class Grown:
+    """Drives that come between two looks."""
+
+    def __init__(self, *folders: Path) -> None:
+        self._folders = folders
+
+    def take(self) -> tuple[Path, ...]:
+        """All of them, once."""
+        folders, self._folders = self._folders, ()
+        return folders
+
+
+@pytest.mark.parametrize("samples", ["disk", "device"])
+def test_drives_that_come_while_a_network_trains_are_learned_from(
+    samples: str, tmp_path: Path, data: TrainingData, drive: CachedDrive
+) -> None:
+    config = dataclasses.replace(CONFIG, iterations=12, samples=samples)
+    (tmp_path / "run").mkdir()
+    growth: Any = Grown(drive.folder, drive.folder)
+    trainer = Trainer("miniature", data, config, tmp_path / "run", Watch(), resume=False, growth=growth)
+    result = trainer.run()
+    before = len(data.train)
+    assert trainer.state.samples == before + 12
+    assert f"{before + 12} frames of 3 bags" in archive.load(result.archive or "").card.training_data
+    # What has come is there when a run goes on; without growth, other data are refused.
+    grown = replace(data, train=data.train.grown([drive]))
+    longer = dataclasses.replace(config, iterations=14)
+    Trainer("miniature", grown, longer, tmp_path / "run", Watch(), resume=True, growth=growth).run()
+    with pytest.raises(TrainingError, match="was trained on"):
+        Trainer("miniature", data, longer, tmp_path / "run", Watch(), resume=True)
+
+
+def test_drives_that_do_not_fit_on_the_device_are_left_out(
+    tmp_path: Path, data: TrainingData, drive: CachedDrive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run").mkdir()
+    growth: Any = Grown(drive.folder)
+    watch = Watch()
+    config = dataclasses.replace(CONFIG, samples="device")
+    trainer = Trainer("miniature", data, config, tmp_path / "run", watch, resume=False, growth=growth)
+
+    def refuse(samples: object, place: int) -> None:
+        raise TrainingError("they take more than there is")
+
+    monkeypatch.setattr(trainer._maker, "grow", refuse)
+    assert trainer.run().finished
+    assert trainer.state.samples == len(data.train)
+    assert watch.notes == ["no more drives are taken: they take more than there is"]
 
 
 @pytest.mark.usefixtures("number_format")

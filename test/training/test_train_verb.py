@@ -13,6 +13,7 @@ from radcam_depth_ros.cli import app
 from radcam_depth_ros.drive import Sample
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks.weights_io import archive
+from radcam_depth_ros.training import drives
 from radcam_depth_ros.training.data import cache, rehearsal
 from radcam_depth_ros.training.fit import Trainer
 from radcam_depth_ros.training.plan import RunPlan
@@ -152,6 +153,39 @@ def test_mistakes_are_told(arguments: list[str], message: str, tmp_path: Path) -
     with pytest.raises(RadcamDepthError, match=message):
         invoke("--out", tmp_path / "run", *arguments)
     assert not (tmp_path / "run").exists()
+
+
+def test_bags_that_come_while_a_network_trains_are_taken(
+    tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held_out, *_ = make_bags(2)
+    held_out = held_out.rename(tmp_path / "3.mcap")
+    monkeypatch.setattr(drives, "LOOK_EVERY_S", 0.01)
+    text = {**RECIPE, "iterations": 10**6, "minutes": 1.0, "log_every_iterations": 1}
+    recipe.write_text(yaml.safe_dump({**text, "checkpoint_every_minutes": 60.0}))
+    grow, counts = Trainer._grow, list[int]()
+
+    def watched(trainer: Trainer) -> None:
+        if not counts:
+            (tmp_path / "bags" / "5.mcap").write_bytes(b"made up")
+        grow(trainer)
+        counts.append(trainer.state.samples)
+        if trainer.state.samples == 12 or len(counts) > 1000:
+            trainer.state.elapsed_s = 3600.0
+
+    monkeypatch.setattr(Trainer, "_grow", watched)
+    words = ("--bags", tmp_path / "bags", "--out", tmp_path / "run", "--config", recipe, "--processes", 1)
+    with pytest.raises(RadcamDepthError, match="--growing needs bags that are always held out: give them by --valid"):
+        invoke(*words, "--growing")
+    invoke(*words, "--validation-bags", held_out, "--growing")
+    assert counts[-1] == 12
+    assert "12 frames of 2 bags" in archive.load(tmp_path / "run" / "baff.safetensors").card.training_data
+    assert RunPlan.read(tmp_path / "run").growing == (str(tmp_path / "bags"),)
+    # All that have come are there when it goes on.
+    output = invoke("--out", tmp_path / "run", "--resume", "--iterations", counts[-1])
+    assert "training baff on 12 frames of 2 bags" in output
+    with pytest.raises(RadcamDepthError, match="--seed and --growing out"):
+        invoke("--out", tmp_path / "run", "--resume", "--growing")
 
 
 def test_a_drive_for_measuring_is_refused(tmp_path: Path, recipe: Path, make_bags: Callable[[int], list[Path]]) -> None:

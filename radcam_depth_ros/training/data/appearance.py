@@ -16,11 +16,11 @@ from radcam_depth_ros.frame import FloatArray, ImageArray
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
 from radcam_depth_ros.training.errors import TrainingError
 
-_HAZE_NEEDS = 0.8
+HAZE_NEEDS = 0.8
 """Share of the pixels whose depth must be known for haze: what a LiDAR leaves out would stay clear."""
-_LEAST_SKY = 0.01
+LEAST_SKY = 0.01
 """Share of the pixels from which on there is a sky to change."""
-_SPECTRUM_SIDE = 32
+SPECTRUM_SIDE = 32
 """Fourier amplitudes are changed in an image of this size: that is where its low frequencies are."""
 
 
@@ -175,7 +175,7 @@ def _sky(
 ) -> ImageArray:
     """A cloudy sky with a gradient, as bright as the mean of one of the classes or as any; mixed with the old one."""
     sky = np.isinf(depth_m)
-    if sky.mean() < _LEAST_SKY:
+    if sky.mean() < LEAST_SKY:
         return image
     height, width = sky.shape
     known = np.unique(classes[~sky])
@@ -199,7 +199,7 @@ def _haze(
     air = (rng.uniform(120, 240) + rng.normal(0, 5, 3)).astype(np.float32)
     depth = depth_m.astype(np.float32)
     unknown = np.isnan(depth)
-    if unknown.mean() > 1 - _HAZE_NEEDS:
+    if unknown.mean() > 1 - HAZE_NEEDS:
         return image
     seen = cv2.exp(np.where(unknown, -np.inf, -3 * depth / np.float32(visibility_m)).astype(np.float32))[..., None]
     hazy: ImageArray = np.clip(image * seen + air * (1 - seen), 0, 255).astype(np.uint8)
@@ -221,9 +221,9 @@ def _tone_curve(image: FloatArray, rng: np.random.Generator) -> FloatArray:
 def _spectrum_change(image: FloatArray, config: AppearanceConfig, rng: np.random.Generator) -> FloatArray:
     """What to add so that the amplitudes of low frequencies are multiplied; their phases, and so places, stay."""
     height, width = image.shape[:2]
-    small = cv2.resize(image, (_SPECTRUM_SIDE, _SPECTRUM_SIDE), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(image, (SPECTRUM_SIDE, SPECTRUM_SIDE), interpolation=cv2.INTER_AREA)
     spectrum = np.fft.rfft2(small, axes=(0, 1))
-    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(_SPECTRUM_SIDE), np.fft.rfftfreq(_SPECTRUM_SIDE), indexing="ij"))
+    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(SPECTRUM_SIDE), np.fft.rfftfreq(SPECTRUM_SIDE), indexing="ij"))
     # Fading out towards the highest, so that enlarging adds no ripples.
     fading = np.clip(1 - frequency / 0.4, 0, 1)[..., None]
     # The mean is one number that all else stands on: as much of it would often leave black or white alone.

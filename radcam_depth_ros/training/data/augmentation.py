@@ -142,19 +142,65 @@ def augment(
     """
     # Of their own generator: switching these effects on or off changes nothing else of a sample.
     look = rng.spawn(1)[0]
-    height, width = _window_size(sample.camera, size, config.focal_jitter, look)
-    top = _offset(sample.camera.height, height, rng)
-    left = _offset(sample.camera.width, width, rng)
-    result = crop(sample, top, left, height, width)
-    if (height, width) != size:
-        result = zoom(result, size)
-    if rng.random() < config.mirror:
-        result = mirror(result)
-    radar, source = perturb_radar(result, config.radar, rng)
-    ground = perturb_ground(result.ground, config.ground, rng)
-    result = replace(result, radar=radar, radar_source=source, ground=ground)
+    view = View.drawn(sample.camera, size, config, rng, look)
+    result = told(view.of(sample), config, rng)
     image = restyle(result.image, result.depth_m, result.classes, config.appearance, look)
     return result, develop(perceive(image, config.photometric, rng), config.appearance, look)
+
+
+@dataclass(frozen=True)
+class View:
+    """What a crop shows of an image.
+
+    Attributes:
+        top: First row of the window; it may reach beyond the image.
+        left: Its first column.
+        height: Its rows.
+        width: Its columns.
+        size: (height, width) that the window is scaled to.
+        is_mirrored: Whether left and right are exchanged.
+    """
+
+    top: int
+    left: int
+    height: int
+    width: int
+    size: tuple[int, int]
+    is_mirrored: bool
+
+    @classmethod
+    def drawn(
+        cls,
+        camera: CameraModel,
+        size: tuple[int, int],
+        config: AugmentationConfig,
+        rng: np.random.Generator,
+        look: np.random.Generator,
+    ) -> View:
+        """A random one; `look` draws the focal length, `rng` the rest."""
+        height, width = _window_size(camera, size, config.focal_jitter, look)
+        top, left = _offset(camera.height, height, rng), _offset(camera.width, width, rng)
+        return cls(top, left, height, width, size, bool(rng.random() < config.mirror))
+
+    def of(self, sample: TrainingSample) -> TrainingSample:
+        """What is seen of a sample, and what is true of it."""
+        result = crop(sample, self.top, self.left, self.height, self.width)
+        if (self.height, self.width) != self.size:
+            result = zoom(result, self.size)
+        return mirror(result) if self.is_mirrored else result
+
+    def facts_of(self, sample: TrainingSample) -> TrainingSample:
+        """The same but for the pixels, which stay as they are."""
+        result = _cropped(sample, self.top, self.left, self.height, self.width)
+        if (self.height, self.width) != self.size:
+            result = _zoomed(result, self.size)
+        return _mirrored(result) if self.is_mirrored else result
+
+
+def told(sample: TrainingSample, config: AugmentationConfig, rng: np.random.Generator) -> TrainingSample:
+    """The same with the returns and the road that a network is told."""
+    radar, source = perturb_radar(sample, config.radar, rng)
+    return replace(sample, radar=radar, radar_source=source, ground=perturb_ground(sample.ground, config.ground, rng))
 
 
 def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -> TrainingSample:
@@ -163,23 +209,28 @@ def crop(sample: TrainingSample, top: int, left: int, height: int, width: int) -
     Returns stay, whatever their row, as radars know little of height, when their column is near enough to the window
     that their region of interest reaches into it; `estimator.radar_columns` keeps such ones, too.
     """
-    camera = CameraModel(
-        width, height, sample.camera.fx, sample.camera.fy, sample.camera.cx - left, sample.camera.cy - top
-    )
     single_m = sample.depth_single_m
+    return replace(
+        _cropped(sample, top, left, height, width),
+        image=_window(sample.image, top, left, height, width, 0),
+        depth_m=_window(sample.depth_m, top, left, height, width, np.nan),
+        classes=_window(sample.classes, top, left, height, width, UNKNOWN_CLASS),
+        depth_single_m=None if single_m is None else _window(single_m, top, left, height, width, np.nan),
+    )
+
+
+def _cropped(sample: TrainingSample, top: int, left: int, height: int, width: int) -> TrainingSample:
+    """Camera and returns of `crop`."""
+    old = sample.camera
     radar = sample.radar.copy()
     radar[:, _U] -= left
     radar[:, _V] -= top
     inside = (radar[:, _U] > -CROP_MARGIN_PX) & (radar[:, _U] < width - 1 + CROP_MARGIN_PX)
     return replace(
         sample,
-        image=_window(sample.image, top, left, height, width, 0),
-        depth_m=_window(sample.depth_m, top, left, height, width, np.nan),
-        classes=_window(sample.classes, top, left, height, width, UNKNOWN_CLASS),
-        depth_single_m=None if single_m is None else _window(single_m, top, left, height, width, np.nan),
         radar=radar[inside],
         radar_source=sample.radar_source[inside],
-        camera=camera,
+        camera=CameraModel(width, height, old.fx, old.fy, old.cx - left, old.cy - top),
     )
 
 
@@ -189,38 +240,53 @@ def zoom(sample: TrainingSample, size: tuple[int, int]) -> TrainingSample:
     Depths and classes are taken from the nearest pixel, never blended.
     """
     height, width = size
+    rows, columns = scaled_places(sample.camera.height, height), scaled_places(sample.camera.width, width)
+    return replace(
+        _zoomed(sample, size),
+        image=cv2.resize(np.ascontiguousarray(sample.image), (width, height), interpolation=cv2.INTER_LINEAR),
+        depth_m=sample.depth_m[rows[:, None], columns],
+        classes=sample.classes[rows[:, None], columns],
+        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[rows[:, None], columns],
+    )
+
+
+def scaled_places(length: int, wanted: int) -> npt.NDArray[np.int64]:
+    """(wanted,) of `length` rows or columns the ones that are nearest to those of a scaled image."""
+    return ((np.arange(wanted) + 0.5) / (wanted / length)).astype(np.int64)
+
+
+def _zoomed(sample: TrainingSample, size: tuple[int, int]) -> TrainingSample:
+    """Camera and returns of `zoom`."""
+    height, width = size
     old = sample.camera
     x, y = width / old.width, height / old.height
-    # A pixel's coordinates are those of its middle.
-    camera = CameraModel(width, height, old.fx * x, old.fy * y, (old.cx + 0.5) * x - 0.5, (old.cy + 0.5) * y - 0.5)
     radar = sample.radar.copy()
     radar[:, _U] = (radar[:, _U] + 0.5) * x - 0.5
     radar[:, _V] = (radar[:, _V] + 0.5) * y - 0.5
-    rows = ((np.arange(height) + 0.5) / y).astype(np.int64)[:, None]
-    columns = ((np.arange(width) + 0.5) / x).astype(np.int64)[None, :]
-    return replace(
-        sample,
-        image=cv2.resize(np.ascontiguousarray(sample.image), (width, height), interpolation=cv2.INTER_LINEAR),
-        depth_m=sample.depth_m[rows, columns],
-        classes=sample.classes[rows, columns],
-        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[rows, columns],
-        radar=radar,
-        camera=camera,
-    )
+    # A pixel's coordinates are those of its middle.
+    camera = CameraModel(width, height, old.fx * x, old.fy * y, (old.cx + 0.5) * x - 0.5, (old.cy + 0.5) * y - 0.5)
+    return replace(sample, radar=radar, camera=camera)
 
 
 def mirror(sample: TrainingSample) -> TrainingSample:
     """The same street with left and right exchanged: images, principal point, returns and the road's normal."""
+    return replace(
+        _mirrored(sample),
+        image=sample.image[:, ::-1],
+        depth_m=sample.depth_m[:, ::-1],
+        classes=sample.classes[:, ::-1],
+        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[:, ::-1],
+    )
+
+
+def _mirrored(sample: TrainingSample) -> TrainingSample:
+    """Camera, returns and road of `mirror`."""
     last = sample.camera.width - 1
     radar = sample.radar.copy()
     radar[:, _U] = last - radar[:, _U]
     up_x, up_y, up_z = sample.ground.up
     return replace(
         sample,
-        image=sample.image[:, ::-1],
-        depth_m=sample.depth_m[:, ::-1],
-        classes=sample.classes[:, ::-1],
-        depth_single_m=None if sample.depth_single_m is None else sample.depth_single_m[:, ::-1],
         radar=radar,
         camera=replace(sample.camera, cx=last - sample.camera.cx),
         ground=replace(sample.ground, up=(-up_x, up_y, up_z)),

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +21,12 @@ from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import ground_coefficients
 from radcam_depth_ros.resampling import use_one_thread
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig, augment
-from radcam_depth_ros.training.data.order import Order, rehearsals_before
-from radcam_depth_ros.training.data.samples import RADAR_VALUES, CachedDrive, TrainingSample
+from radcam_depth_ros.training.data.order import MixedOrder
+from radcam_depth_ros.training.data.sample_sets import SampleSet
+from radcam_depth_ros.training.data.samples import RADAR_VALUES, TrainingSample
 from radcam_depth_ros.training.data.unreadable import unreadable
-from radcam_depth_ros.training.errors import TrainingError
+
+MadeT = TypeVar("MadeT")
 
 POINTS_MULTIPLE = 16
 """The number of returns of a batch is rounded up to this: few different shapes, so memory is used again."""
@@ -63,51 +66,6 @@ class Batch:
         return replace(self, **moved)
 
 
-@dataclass(frozen=True)
-class SampleSet:
-    """Frames of several drives under one index.
-
-    Attributes:
-        drives: The drives.
-        entries: (S, 2) int64: drive and frame of each sample.
-    """
-
-    drives: tuple[CachedDrive, ...]
-    entries: npt.NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        if not len(self.entries):
-            raise TrainingError("there is no frame with ground truth to train or validate on; give more bags")
-
-    @classmethod
-    def of(cls, drives: Sequence[CachedDrive]) -> SampleSet:
-        """All frames of some drives."""
-        entries = [(drive, frame) for drive, cached in enumerate(drives) for frame in range(len(cached))]
-        return cls(tuple(drives), np.array(entries, np.int64).reshape(-1, 2))
-
-    def __len__(self) -> int:
-        return len(self.entries)
-
-    def __getitem__(self, index: int) -> TrainingSample:
-        drive, frame = (int(value) for value in self.entries[index])
-        return self.drives[drive][frame]
-
-    @property
-    def largest(self) -> tuple[int, int]:
-        """Greatest height and width of any image."""
-        cameras = [drive.card.camera for drive in self.drives]
-        return max(camera.height for camera in cameras), max(camera.width for camera in cameras)
-
-    def split(self, share: float) -> tuple[SampleSet, SampleSet]:
-        """The first frames, and the last `share` of them (at least one)."""
-        last = min(max(1, round(share * len(self))), len(self))
-        return SampleSet(self.drives, self.entries[:-last]), SampleSet(self.drives, self.entries[-last:])
-
-    def spread(self, count: int) -> tuple[int, ...]:
-        """Indices of `count` samples, evenly over all."""
-        return tuple(np.unique(np.linspace(0, len(self) - 1, min(count, len(self))).round().astype(int)).tolist())
-
-
 def collate(
     samples: Sequence[TrainingSample],
     images: Sequence[FloatArray] | None = None,
@@ -131,8 +89,7 @@ def collate(
         radar[index, : len(sample.radar)] = sample.radar
         valid[index, : len(sample.radar)] = True
     ground = np.stack([ground_coefficients(sample.ground.or_assumed(), sample.camera) for sample in samples])
-    # Where one ground truth serves as both it stands for the single one too.
-    singles = [sample.depth_m if sample.depth_single_m is None else sample.depth_single_m for sample in samples]
+    singles = [sample.depth_single_or_only_m for sample in samples]
     differ = any(sample.depth_single_m is not None for sample in samples)
     # All arithmetic is numpy's: a thread that uses torch's gets a team of OpenMP threads of its own, and with more such
     # threads than processors those of the thread that trains stop spinning while they wait.
@@ -175,10 +132,8 @@ class BatchMaker:
         self._samples = samples
         self._config = config
         self._seed = seed
-        self._order = Order(len(samples), (seed, 0))
         self._rehearsal = rehearsal
-        self._share = rehearsal_share if rehearsal is not None else 0.0
-        self._rehearsal_order = Order(len(rehearsal or samples), (seed, 2))
+        self._order = MixedOrder(len(samples), seed, len(rehearsal or ()), rehearsal_share)
         # As torch's threads, OpenCV's would take turns with those of the network that trains.
         use_one_thread()
 
@@ -192,6 +147,15 @@ class BatchMaker:
             images.append(image)
             chances.append(rng.spawn(1)[0])
         return collate(samples, *self._pictures(images, chances))
+
+    def grow(self, samples: SampleSet, place: int) -> None:
+        """From a place on takes samples of a set that has grown; batches of earlier places may be in the making."""
+        self._samples = samples
+        self._order.grow(len(samples), place)
+
+    def finish(self, batch: Batch) -> Batch:
+        """The batch: nothing is left to do."""
+        return batch
 
     def _pictures(
         self, images: list[FloatArray], chances: list[np.random.Generator]
@@ -207,14 +171,25 @@ class BatchMaker:
         return pictures, readable
 
     def _sample(self, place: int) -> TrainingSample:
-        before = rehearsals_before(place, self._share)
-        if self._rehearsal is not None and rehearsals_before(place + 1, self._share) > before:
-            return self._rehearsal[self._rehearsal_order.index(before)]
-        return self._samples[self._order.index(place - before)]
+        is_rehearsal, index = self._order.at(place)
+        return (self._rehearsal or self._samples)[index] if is_rehearsal else self._samples[index]
+
+
+class Maker(Protocol[MadeT]):
+    """Makes batches in two steps."""
+
+    def grow(self, samples: SampleSet, place: int) -> None:
+        """From a place on takes samples of a set that has grown."""
+
+    def make(self, position: int, count: int, size: tuple[int, int]) -> MadeT:
+        """The first step, in another thread."""
+
+    def finish(self, made: MadeT, /) -> Batch:
+        """The second step, in the thread that trains."""
 
 
 def prefetch(
-    maker: BatchMaker,
+    maker: Maker[MadeT],
     position: int,
     count: int,
     sizes: Sequence[tuple[int, int]],
@@ -226,14 +201,14 @@ def prefetch(
 
     `ahead` of them are in the making in the pool's threads.
     """
-    waiting: deque[Future[Batch]] = deque()
+    waiting: deque[Future[MadeT]] = deque()
     try:
         while True:
             while len(waiting) < ahead:
                 size = sizes[int(np.random.default_rng((3, position // step)).integers(len(sizes)))]
                 waiting.append(pool.submit(maker.make, position, count, size))
                 position += step
-            yield waiting.popleft().result()
+            yield maker.finish(waiting.popleft().result())
     finally:
         for future in waiting:
             future.cancel()

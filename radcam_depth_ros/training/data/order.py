@@ -34,6 +34,38 @@ class Order:
         return int(order[offset])
 
 
+class MixedOrder:
+    """Which sample comes at which place, where some of another set are mixed in.
+
+    Args:
+        count: Number of samples.
+        seed: Of the orders.
+        rehearsed: Number of samples that are mixed in.
+        share: Their share of all places.
+    """
+
+    def __init__(self, count: int, seed: int, rehearsed: int = 0, share: float = 0.0) -> None:
+        self._seed = seed
+        self._orders = [(0, Order(count, (seed, 0)))]
+        self._rehearsal_order = Order(max(rehearsed, 1), (seed, 2))
+        self._share = share if rehearsed else 0.0
+
+    def at(self, place: int) -> tuple[bool, int]:
+        """Whether a rehearsal comes at a place, and which sample of its set it is."""
+        before = rehearsals_before(place, self._share)
+        if rehearsals_before(place + 1, self._share) > before:
+            return True, self._rehearsal_order.index(before)
+        own = place - before
+        start, order = next(entry for entry in reversed(self._orders) if entry[0] <= own)
+        return False, order.index(own - start)
+
+    def grow(self, count: int, place: int) -> None:
+        """From a place on there are `count` samples, in another order."""
+        start = place - rehearsals_before(place, self._share)
+        # Batches are made ahead across a growth: two orders are in use at once.
+        self._orders = [self._orders[-1], (start, Order(count, (self._seed, 0, start)))]
+
+
 def rehearsals_before(place: int, share: float) -> int:
     """How many of the places before `place` are rehearsals: `share` of them, evenly spread."""
     return int(np.floor(place * share + 1e-9))

@@ -82,6 +82,11 @@ class TrainingSample:
     ground: GroundPlane
     depth_single_m: npt.NDArray[np.float16] | None = None
 
+    @property
+    def depth_single_or_only_m(self) -> npt.NDArray[np.float16]:
+        """Depth of a single scan, or the only one: where one ground truth serves as both it stands for that too."""
+        return self.depth_m if self.depth_single_m is None else self.depth_single_m
+
 
 @dataclass(frozen=True)
 class DriveCard:
@@ -206,6 +211,18 @@ class CachedDrive:
     def stamps_ns(self) -> npt.NDArray[np.int64]:
         """(F,) the images' stamps."""
         return np.asarray(self._index["stamp_ns"], np.int64)
+
+    @property
+    def folder(self) -> Path:
+        """Where it is."""
+        return self._path.parent
+
+    @property
+    def pixel_bytes(self) -> int:
+        """Bytes of all images, depths and classes; of single scans as if each pixel were known."""
+        camera = self.card.camera
+        each = 8 if self._index["has_single"].any() else 6
+        return each * camera.height * camera.width * len(self)
 
     def __getitem__(self, index: int) -> TrainingSample:
         if not 0 <= index < len(self):

@@ -9,7 +9,8 @@ import pytest
 import torch
 from small_training import RECIPE
 
-from radcam_depth_ros.training.data.batches import BatchMaker, SampleSet, collate, prefetch
+from radcam_depth_ros.training.data.batches import BatchMaker, collate, prefetch
+from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import CachedDrive
 from radcam_depth_ros.training.errors import TrainingError
 
@@ -92,3 +93,16 @@ def test_pictures_are_replaced_as_often_as_asked_and_batches_say_so(drive: Cache
 def test_shares_of_replaced_pictures_are_checked(shares: dict[str, float]) -> None:
     with pytest.raises(TrainingError, match="unreadable and foreign must be at least 0 and at most 1 together"):
         replace(RECIPE.augmentation, **shares)
+
+
+def test_samples_that_come_later_are_taken_from_a_place_on(drive: CachedDrive) -> None:
+    samples = SampleSet.of([drive]).split(0.5)[0]
+    maker, still = (BatchMaker(samples, RECIPE.augmentation, 0) for _ in range(2))
+    grown = samples.grown([drive, drive])
+    assert len(grown) == 15
+    np.testing.assert_array_equal(grown[3].image, drive[0].image)
+    np.testing.assert_array_equal(grown[14].image, drive[5].image)
+    maker.grow(grown, 6)
+    assert torch.equal(maker.make(4, 2, (32, 64)).image, still.make(4, 2, (32, 64)).image)
+    seen = {maker._sample(place).image.tobytes() for place in range(6, 21)}
+    assert seen == {drive[index].image.tobytes() for index in range(6)}
