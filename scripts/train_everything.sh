@@ -54,14 +54,25 @@ count=$((minutes / 30 + 2))
 note "drives to validate and to measure on"
 simulate "$out/held_out" --seed 700000 --drives "$count" --frames 8 --config config/training_drives.yaml
 simulate "$out/test" --seed 1000000 --drives "$count" --frames 4
+simulating=
+stop_simulating() {
+    [ -n "$simulating" ] || return 0
+    # Interrupted, it leaves whole drives alone.
+    kill -INT -- "-$simulating" 2>/dev/null || true
+    wait "$simulating" || true
+    simulating=
+}
 drives() { simulate "$out/drives" --seed 700100 --frames 8 --config config/training_drives.yaml "$@"; }
 if [ -n "$beside" ]; then
     if [ ! -e "$out/trunk/finished" ]; then
         note "the first drives to train on; more of them beside the training"
         drives --drives "$cores"
+        # With job control it is a group of its own, which can be interrupted.
+        set -m
         drives --drives 200000 --jobs $((cores > 2 ? cores - 2 : 1)) >"$out/drives.log" 2>&1 &
         simulating=$!
-        trap 'kill -INT $simulating 2>/dev/null || true' EXIT
+        set +m
+        trap stop_simulating EXIT
     fi
 elif [ ! -e "$out/drives/complete" ]; then
     note "drives to train on"
@@ -107,10 +118,7 @@ PYTHON
     touch "$run/finished"
 }
 stage trunk 75 radcam_depth_ros/recipes/simulated.yaml ${beside:+--growing} "${backbone[@]}"
-if [ -n "${simulating:-}" ]; then
-    kill -INT "$simulating" 2>/dev/null || true
-    wait "$simulating" || true
-fi
+stop_simulating
 stage mix 60 radcam_depth_ros/recipes/geometry_mix.yaml --init "$out/trunk/baff.safetensors"
 
 note "errors on drives that it has not seen"

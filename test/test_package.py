@@ -94,7 +94,7 @@ def test_every_import_is_declared(setup_arguments: dict[str, Any], manifest: Ele
     declared = {requirement_name(r) for r in setup_arguments["install_requires"]}
     declared |= {
         requirement_name(r)
-        for name in ("sim", "fleet", "onnx", "view")
+        for name in ("sim", "train", "fleet", "onnx", "view")
         for r in setup_arguments["extras_require"][name]
     }
     imported = imported_distributions()
@@ -107,10 +107,10 @@ def test_nothing_is_declared_that_is_not_imported(setup_arguments: dict[str, Any
     declared = {requirement_name(r) for r in setup_arguments["install_requires"]}
     declared |= {
         requirement_name(r)
-        for name in ("sim", "fleet", "onnx", "view")
+        for name in ("sim", "train", "fleet", "onnx", "view")
         for r in setup_arguments["extras_require"][name]
     }
-    later = {"s3fs", "onnxscript"}  # by fsspec, for s3://; by torch.onnx
+    later = {"s3fs", "onnxscript", "tensorboard"}  # by fsspec, for s3://; by torch.onnx; by torch.utils.tensorboard
     assert declared - later <= {DISTRIBUTIONS.get(name, name).lower() for name in imported_distributions()}
 
 
