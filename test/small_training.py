@@ -110,6 +110,18 @@ class Lingering(Watch):
             time.sleep(1.0)
 
 
+class Grown:
+    """Drives that have come since a run began."""
+
+    def __init__(self, *folders: Path) -> None:
+        self._folders = folders
+
+    def take(self) -> tuple[Path, ...]:
+        """All of them, once."""
+        folders, self._folders = self._folders, ()
+        return folders
+
+
 def data_of(drive: CachedDrive) -> TrainingData:
     """Five frames to train on, one to validate on."""
     train, validation = SampleSet.of([drive]).split(0.2)
@@ -124,6 +136,7 @@ def train_here(
     resume: bool,
     environment: Mapping[str, str],
     lingers: bool = False,
+    grows: bool = False,
 ) -> None:
     """Runs a training as a process of its own; leaves weights, statistics and the last gradients in `N.pt`.
 
@@ -145,7 +158,10 @@ def train_here(
     folder.mkdir(exist_ok=True)
     watch = Lingering(config.iterations) if lingers else Watch()
     with joined() as ranks:
-        trainer = Trainer(network, data_of(CachedDrive(drive)), config, folder, watch, resume, ranks=ranks)
+        # The other processes have it from the first one.
+        growth: Any = Grown(*((drive, drive) if ranks.is_first else ())) if grows else None
+        data = data_of(CachedDrive(drive))
+        trainer = Trainer(network, data, config, folder, watch, resume, ranks=ranks, growth=growth)
         trainer.run()
         gradients = {name: value.grad for name, value in trainer.network.named_parameters()}
         torch.save({"weights": trainer.network.state_dict(), "gradients": gradients}, folder / f"{ranks.rank}.pt")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from small_training import CONFIG, RECIPE, Miniature, Watch, data_of
+from small_training import CONFIG, RECIPE, Grown, Miniature, Watch, data_of
 from torch import Tensor
 
 from radcam_depth_ros.networks import TrainOutputs, registry
@@ -86,18 +86,6 @@ def test_samples_may_be_held_and_augmented_on_the_device(tmp_path: Path, data: T
         torch.testing.assert_close(value, trainer.network.state_dict()[name], msg=name)
     with pytest.raises(TrainingError, match="samples must be 'disk' or 'device', got 'gpu'"):
         dataclasses.replace(CONFIG, samples="gpu")
-
-
-class Grown:
-    """Drives that come between two looks."""
-
-    def __init__(self, *folders: Path) -> None:
-        self._folders = folders
-
-    def take(self) -> tuple[Path, ...]:
-        """All of them, once."""
-        folders, self._folders = self._folders, ()
-        return folders
 
 
 @pytest.mark.parametrize("samples", ["disk", "device"])

@@ -38,8 +38,9 @@ def start(
     resume: bool = False,
     environment: Mapping[str, str] | None = None,
     lingers: bool = False,
+    grows: bool = False,
 ) -> BaseProcess:
-    arguments = (network, config, drive, folder, resume, environment or {}, lingers)
+    arguments = (network, config, drive, folder, resume, environment or {}, lingers, grows)
     process = CONTEXT.Process(target=train_here, args=arguments)
     process.start()
     return process
@@ -94,9 +95,11 @@ def test_a_run_that_is_killed_again_and_again_gives_the_same_curves_and_weights(
 
 
 @pytest.mark.timeout(400)  # three processes that share what a busy machine leaves them
-@pytest.mark.parametrize(("network", "iterations"), [("miniature", 5), ("baff", 1)])
+@pytest.mark.parametrize(
+    ("network", "iterations", "grows"), [("miniature", 5, False), ("miniature", 9, True), ("baff", 1, False)]
+)
 def test_two_processes_learn_what_one_does_with_the_joint_batch(
-    network: str, iterations: int, tmp_path: Path, drive: CachedDrive
+    network: str, iterations: int, grows: bool, tmp_path: Path, drive: CachedDrive
 ) -> None:
     config = dataclasses.replace(
         CONFIG,
@@ -114,8 +117,11 @@ def test_two_processes_learn_what_one_does_with_the_joint_batch(
         port = str(free.getsockname()[1])
     shared = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "WORLD_SIZE": "2"}
     finish(
-        start(config, place, tmp_path / "one", network),
-        *(start(config, place, tmp_path / "two", network, environment={**shared, "RANK": rank}) for rank in "01"),
+        start(config, place, tmp_path / "one", network, grows=grows),
+        *(
+            start(config, place, tmp_path / "two", network, environment={**shared, "RANK": rank}, grows=grows)
+            for rank in "01"
+        ),
     )
     one, first, second = (torch.load(tmp_path / name) for name in ("one/0.pt", "two/0.pt", "two/1.pt"))
     for name, value in first["weights"].items():
