@@ -6,13 +6,14 @@ Run it from the repository's root, on simulated drives, of which some are kept f
         --out out/ablation --iterations 2000 --seeds 3 > out/ablation.log &
 
 The rows of `baff`: the bottom-up branch (BF), channel attention (CA) and position attention (PA), none of them, and
-all; and association by embedding and by regions, with so few returns that both can be trained. Of `structured`: how its
-decoders are fused, and the weight of the road (omega). Of `lircdepth`: alone, and taught by all terms of the
-distillation and by each (--teacher). Seeds come one after the other, so that what is done so far can always be
-compared. Each training and measurement is kept in --out and not repeated: what was cut off goes on when the same
-command is given. Errors are averaged over whole frames of the test bags, by the measures of `radcam-depth evaluate`, at
-the network's size, before doubtful depths lean to geometry (`caution`), which no paper has and which hides what a part
-is worth. At last `baff`'s associations are timed in turns.
+all; all with features that begin at random, without the second encoder, and without the correction of the choice at
+half the image's size; and association by embedding and by regions, with so few returns that both can be trained. Of
+`structured`: how its decoders are fused, and the weight of the road (omega). Of `lircdepth`: alone, and taught by all
+terms of the distillation and by each (--teacher). Seeds come one after the other, so that what is done so far can
+always be compared. Each training and measurement is kept in --out and not repeated: what was cut off goes on when the
+same command is given. Errors are averaged over whole frames of the test bags, by the measures of `radcam-depth
+evaluate`, at the network's size, before doubtful depths lean to geometry (`caution`), which no paper has and which
+hides what a part is worth. At last `baff`'s associations are timed in turns.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ class Ablation:
         sources = {"--teacher": str(self._options.teacher)} if form.is_taught else {}
         if form.is_taught and self._options.teacher is None:
             raise SystemExit(f"{name} learns from a teacher: give its weight file with --teacher")
-        if self._options.backbone_weights is not None:
+        if self._options.backbone_weights is not None and not form.is_random:
             sources["--backbone-weights"] = self._options.backbone_weights
         budget = dataclasses.replace(group.budget, recipe={**group.budget.recipe, **form.recipe})
         training = ShortTraining(folder, budget, form.network, form.architecture, seed, sources)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-NONE = "none"
+NONE, ALL = "none", "all"
 EMBEDDING, REGIONS = "embedding, few returns", "regions, few returns"
 SEG, SINGLE = "seg", "single"
 ALONE = "alone"
@@ -23,6 +23,7 @@ class Form:
         recipe: Values of the recipe that differ from what all forms have.
         has_few_returns: Whether it is trained and measured with few returns: regions cost as much as there are.
         is_taught: Whether it learns from a teacher besides.
+        is_random: Whether it starts from random weights though others start from those of a backbone.
     """
 
     network: str
@@ -31,6 +32,7 @@ class Form:
     recipe: Mapping[str, Any] = field(default_factory=dict)
     has_few_returns: bool = False
     is_taught: bool = False
+    is_random: bool = False
 
 
 def _parts(*, bf: bool = False, ca: bool = False, pa: bool = False) -> Form:
@@ -59,7 +61,10 @@ FORMS = {
     "PA": _parts(pa=True),
     "BF+CA": _parts(bf=True, ca=True),
     "BF+PA": _parts(bf=True, pa=True),
-    "all": _parts(bf=True, ca=True, pa=True),
+    ALL: _parts(bf=True, ca=True, pa=True),
+    "all, random features": Form("baff", ALL, is_random=True),
+    "all, one encoder": Form("baff", ALL, {"context": "none"}, is_random=True),
+    "all, enlarged linearly": Form("baff", ALL, {"full_size": False}),
     EMBEDDING: Form("baff", EMBEDDING, {"association": "embedding"}, has_few_returns=True),
     REGIONS: Form("baff", EMBEDDING, {"association": "regions"}, has_few_returns=True),
     SINGLE: _fusion("single"),

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from experiments import ablation, short_training
 from experiments.ablation import COLUMNS, ERRORS, relative, time_associations
-from experiments.forms import EMBEDDING, FORMS, NONE, REGIONS, SEG, forms_of
+from experiments.forms import ALL, EMBEDDING, FORMS, NONE, REGIONS, SEG, forms_of
 from experiments.short_training import Budget, ShortTraining
 from experiments.thinned_bags import thinned_bags
 from radcam_depth_ros import networks
@@ -38,7 +38,7 @@ def test_each_form_has_a_recipe_and_one_to_be_held_against(name: str) -> None:
     assert Criterion.of(form.network, recipe.loss)
     assert registry.create_config(form.network, form.architecture)
     reference = FORMS[form.against]
-    assert (reference.network, reference.against) == (form.network, form.against) or form.against == SEG
+    assert (reference.network, reference.against) == (form.network, form.against) or form.against in (SEG, ALL)
     assert name in forms_of(form.network)
 
 
@@ -59,7 +59,7 @@ def test_each_form_of_baff_has_its_parts(name: str) -> None:
         assert switches == (True, True, True)
         assert config.association == name.partition(",")[0]
     else:
-        parts = {"BF", "CA", "PA"} if name == "all" else set(name.split("+"))
+        parts = {"BF", "CA", "PA"} if name.partition(",")[0] == ALL else set(name.split("+"))
         assert switches == ("BF" in parts, "CA" in parts, "PA" in parts)
 
 
@@ -157,6 +157,15 @@ def test_forms_are_held_against_none(ablate: Callable[..., Any], started: list[l
     assert figures["forms"]["all"]["spread"]["mae_80"] > 0
     assert ablate(*chosen) == figures
     assert len(started) == 4
+
+
+def test_forms_start_from_a_backbone_but_those_that_begin_at_random(
+    ablate: Callable[..., Any], started: list[list[str]]
+) -> None:
+    forms = (ALL, "all, random features", "all, enlarged linearly")
+    figures = ablate("--forms", *forms, "--seeds", "1", "--backbone-weights", "imagenet")
+    assert [command[-2:] == ["--backbone-weights", "imagenet"] for command in started] == [True, False, True]
+    assert {figures["forms"][form]["against"] for form in forms[1:]} == {ALL}
 
 
 def test_taught_forms_need_a_teacher(tmp_path: Path, ablate: Callable[..., Any], started: list[list[str]]) -> None:
