@@ -7,6 +7,7 @@ consistent. What is only perceived (`appearance.restyle`, `photometric.perceive`
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
 from radcam_depth_ros.training.data.appearance import AppearanceConfig, develop, restyle
+from radcam_depth_ros.training.data.copy_paste import Pasting, Thing, pasted, spots_of
 from radcam_depth_ros.training.data.photometric import PhotometricConfig, perceive
 from radcam_depth_ros.training.data.samples import RADAR_VALUES, UNKNOWN_CLASS, TrainingSample
 from radcam_depth_ros.training.errors import TrainingError
@@ -99,6 +101,8 @@ class AugmentationConfig:
         focal_jitter: Largest change of the logarithm of the focal length: the image is scaled, depths are not.
         unreadable: Probability of a picture that tells little or nothing, see `unreadable`.
         foreign: Probability of another sample's picture.
+        copy_paste: Probability that things of another sample are put onto the ground, see `copy_paste`.
+        copy_paste_things: Greatest number of them.
         photometric: Light and colour.
         appearance: Surfaces, air and the camera's processing.
         radar: Returns.
@@ -109,6 +113,8 @@ class AugmentationConfig:
     focal_jitter: float
     unreadable: float
     foreign: float
+    copy_paste: float
+    copy_paste_things: int
     photometric: PhotometricConfig
     appearance: AppearanceConfig
     radar: RadarAugmentationConfig
@@ -124,10 +130,20 @@ class AugmentationConfig:
                 "unreadable and foreign must be at least 0 and at most 1 together, got "
                 f"{self.unreadable} and {self.foreign}"
             )
+        if not 0 <= self.copy_paste <= 1 or self.copy_paste_things < 1:
+            raise TrainingError(
+                "copy_paste must be 0 to 1 and copy_paste_things at least 1, got "
+                f"{self.copy_paste} and {self.copy_paste_things}"
+            )
 
 
 def augment(
-    sample: TrainingSample, size: tuple[int, int], config: AugmentationConfig, rng: np.random.Generator
+    sample: TrainingSample,
+    size: tuple[int, int],
+    config: AugmentationConfig,
+    rng: np.random.Generator,
+    pasting: Pasting | None = None,
+    things: Sequence[Thing] = (),
 ) -> tuple[TrainingSample, FloatArray]:
     """One random version of a sample.
 
@@ -135,7 +151,9 @@ def augment(
         sample: As cached.
         size: (height, width) of the crop.
         config: Probabilities and strengths.
-        rng: Where all randomness comes from.
+        rng: Where all randomness comes from, but that of `pasting`.
+        pasting: How things are put onto its ground; none are without.
+        things: Of other samples.
 
     Returns:
         The sample, and its image after photometric changes, (H, W, 3) float32, 0 to 1.
@@ -143,7 +161,11 @@ def augment(
     # Of their own generator: switching these effects on or off changes nothing else of a sample.
     look = rng.spawn(1)[0]
     view = View.drawn(sample.camera, size, config, rng, look)
-    result = told(view.of(sample), config, rng)
+    seen = view.of(sample)
+    if pasting is not None:
+        patches, returns = pasting.planned(things, spots_of(sample), view, sample.camera.fx)
+        seen = pasting.with_returns(pasted(seen, patches), returns)
+    result = told(seen, config, rng)
     image = restyle(result.image, result.depth_m, result.classes, config.appearance, look)
     return result, develop(perceive(image, config.photometric, rng), config.appearance, look)
 
@@ -181,6 +203,18 @@ class View:
         height, width = _window_size(camera, size, config.focal_jitter, look)
         top, left = _offset(camera.height, height, rng), _offset(camera.width, width, rng)
         return cls(top, left, height, width, size, bool(rng.random() < config.mirror))
+
+    @property
+    def scale(self) -> float:
+        """Pixels of the crop by those of the image."""
+        return self.size[1] / self.width
+
+    def places(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Columns and rows in the crop of an image's pixels."""
+        height, width = self.size
+        column = (u - self.left + 0.5) * (width / self.width) - 0.5
+        row = (v - self.top + 0.5) * (height / self.height) - 0.5
+        return width - 1 - column if self.is_mirrored else column, row
 
     def of(self, sample: TrainingSample) -> TrainingSample:
         """What is seen of a sample, and what is true of it."""

@@ -21,6 +21,7 @@ from radcam_depth_ros.frame import FloatArray
 from radcam_depth_ros.geometry import ground_coefficients
 from radcam_depth_ros.resampling import use_one_thread
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig, augment
+from radcam_depth_ros.training.data.copy_paste import Pasting, things_of
 from radcam_depth_ros.training.data.order import MixedOrder
 from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import RADAR_VALUES, TrainingSample
@@ -142,7 +143,10 @@ class BatchMaker:
         samples, images, chances = [], [], []
         for place in range(position, position + count):
             rng = np.random.default_rng((self._seed, 1, place))
-            sample, image = augment(self._sample(place), size, self._config, rng)
+            pasting = Pasting.drawn(self._seed, place, self._config.copy_paste, self._config.copy_paste_things)
+            donors = () if pasting is None else pasting.donors
+            things = [thing for other in donors for thing in things_of(self._sample(other))]
+            sample, image = augment(self._sample(place), size, self._config, rng, pasting, things)
             samples.append(sample)
             images.append(image)
             chances.append(rng.spawn(1)[0])

@@ -15,6 +15,7 @@ from torch.nn.functional import interpolate, pad
 
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig, View, scaled_places, told
 from radcam_depth_ros.training.data.batches import Batch, collate
+from radcam_depth_ros.training.data.copy_paste import Pasting, Patch
 from radcam_depth_ros.training.data.order import MixedOrder
 from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
@@ -31,12 +32,14 @@ class BatchPlan:
     Attributes:
         samples: Whose pixels it shows.
         views: What it shows of each.
+        patches: What is put into each view.
         facts: All of the batch but its pixels.
         position: How many samples came before.
     """
 
     samples: tuple[ResidentSample, ...]
     views: tuple[View, ...]
+    patches: tuple[tuple[Patch, ...], ...]
     facts: Batch
     position: int
 
@@ -65,24 +68,33 @@ class ResidentBatchMaker:
         rehearsal_share: float,
         device: torch.device,
     ) -> None:
-        self._samples = ResidentSamples(samples, device)
-        self._rehearsal = None if rehearsal is None else ResidentSamples(rehearsal, device)
+        with_things = config.copy_paste > 0
+        self._samples = ResidentSamples(samples, device, with_things)
+        self._rehearsal = None if rehearsal is None else ResidentSamples(rehearsal, device, with_things)
         self._config = config
         self._seed = seed
         self._device = device
         self._order = MixedOrder(len(samples), seed, len(rehearsal or ()), rehearsal_share)
 
     def make(self, position: int, count: int, size: tuple[int, int]) -> BatchPlan:
-        """What is in the batch of the samples number `position` to `position + count`; touches no pixel."""
-        samples, views, facts = [], [], []
+        """What is in the batch of the samples number `position` to `position + count`; touches no pixel on the device."""
+        samples, views, patches, facts = [], [], [], []
         for place in range(position, position + count):
             rng = np.random.default_rng((self._seed, 1, place))
             sample = self._sample(place)
             view = View.drawn(sample.facts.camera, size, self._config, rng, rng.spawn(1)[0])
             samples.append(sample)
             views.append(view)
-            facts.append(told(view.facts_of(sample.facts), self._config, rng))
-        return BatchPlan(tuple(samples), tuple(views), collate(facts), position)
+            seen = view.facts_of(sample.facts)
+            added: tuple[Patch, ...] = ()
+            pasting = Pasting.drawn(self._seed, place, self._config.copy_paste, self._config.copy_paste_things)
+            if pasting is not None:
+                things = [thing for other in pasting.donors for thing in self._sample(other).things]
+                added, returns = pasting.planned(things, sample.spots, view, sample.facts.camera.fx)
+                seen = pasting.with_returns(seen, returns)
+            patches.append(added)
+            facts.append(told(seen, self._config, rng))
+        return BatchPlan(tuple(samples), tuple(views), tuple(patches), collate(facts), position)
 
     def grow(self, samples: SampleSet, place: int) -> None:
         """From a place on takes samples of a set that has grown; batches of earlier places may be in the making.
@@ -109,6 +121,15 @@ class ResidentBatchMaker:
             single_m = torch.stack([_nearest(_single(sample), view, torch.nan) for sample, view in pairs])[
                 :, None
             ].float()
+        for index, patches in enumerate(plan.patches):
+            for patch in patches:
+                _paste(
+                    images[index],
+                    depth_m[index],
+                    classes[index],
+                    None if single_m is None else single_m[index, 0],
+                    patch,
+                )
         depth_m = depth_m.float()
         images = restyle(images, depth_m, classes, self._config.appearance, chances)
         images = develop(perceive(images, self._config.photometric, chances), self._config.appearance, chances)
@@ -159,6 +180,26 @@ def _image(image: Tensor, view: View) -> Tensor:
     if part.shape[1:] != view.size:
         part = interpolate(part[None], view.size, mode="bilinear", align_corners=False)[0].round()
     return (part.flip(2) if view.is_mirrored else part) / 255
+
+
+def _paste(image: Tensor, depth_m: Tensor, classes: Tensor, single_m: Tensor | None, patch: Patch) -> None:
+    """Puts a patch into a view (3, h, w) and what is true of it (h, w), as `copy_paste.pasted` does on the host."""
+    seen = patch.within(*depth_m.shape)
+    if seen is None:
+        return
+    part, (rows, columns) = seen
+    own_image, alpha, own_m, own_classes = (
+        torch.from_numpy(np.ascontiguousarray(array)).to(image.device)
+        for array in (part.image, part.alpha, part.depth_m, part.classes)
+    )
+    there_m, there = depth_m[rows, columns], image[:, rows, columns]
+    front = own_m < there_m
+    blended = (alpha * own_image.permute(2, 0, 1) + (1 - alpha) * 255 * there).round() / 255
+    image[:, rows, columns] = torch.where(front, blended, there)
+    classes[rows, columns] = torch.where(front, own_classes, classes[rows, columns])
+    if single_m is not None:
+        single_m[rows, columns] = torch.where(front, torch.nan, single_m[rows, columns])
+    depth_m[rows, columns] = torch.where(front, own_m, there_m)
 
 
 def _nearest(values: Tensor, view: View, fill: float) -> Tensor:

@@ -11,10 +11,13 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from radcam_depth_ros.frame import FloatArray
+from radcam_depth_ros.training.data.copy_paste import Thing, spots_of, things_of
 from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
 from radcam_depth_ros.training.errors import TrainingError
 
+_Facts = tuple[TrainingSample, tuple[Thing, ...], FloatArray]
 _RESERVE = 0.4
 """Share of a device's free memory that is left to the network and its gradients."""
 
@@ -44,11 +47,15 @@ class ResidentSample:
         pixels: Of its drive.
         frame: Its number in the drive.
         facts: What else there is: camera, returns, road. Its arrays of pixels are empty.
+        things: What can be copied out of it, on the host; none where nothing is to be.
+        spots: Where things can be put, see `copy_paste.spots_of`.
     """
 
     pixels: DrivePixels
     frame: int
     facts: TrainingSample
+    things: tuple[Thing, ...]
+    spots: FloatArray
 
 
 class ResidentSamples:
@@ -57,15 +64,17 @@ class ResidentSamples:
     Args:
         samples: The set.
         device: Where their pixels are to be.
+        with_things: Whether things are to be copied between them.
 
     Raises:
         TrainingError: when they are larger than the device's memory allows; nothing is read then.
     """
 
-    def __init__(self, samples: SampleSet, device: torch.device) -> None:
+    def __init__(self, samples: SampleSet, device: torch.device, with_things: bool = False) -> None:
         self._device = device
+        self._with_things = with_things
         self._pixels: list[DrivePixels] = []
-        self._facts: list[list[TrainingSample]] = []
+        self._facts: list[list[_Facts]] = []
         self.grow(samples)
 
     def grow(self, samples: SampleSet) -> None:
@@ -85,7 +94,7 @@ class ResidentSamples:
 
     def __getitem__(self, index: int) -> ResidentSample:
         drive, frame = (int(value) for value in self._entries[index])
-        return ResidentSample(self._pixels[drive], frame, self._facts[drive][frame])
+        return ResidentSample(self._pixels[drive], frame, *self._facts[drive][frame])
 
     def _require_room(self, drives: tuple[CachedDrive, ...]) -> None:
         if self._device.type != "cuda":
@@ -111,7 +120,12 @@ class ResidentSamples:
                 single_m,
             )
         )
-        self._facts.append([_without_pixels(sample) for sample in samples])
+        self._facts.append([self._known_of(sample) for sample in samples])
+
+    def _known_of(self, sample: TrainingSample) -> _Facts:
+        if not self._with_things:
+            return _without_pixels(sample), (), np.zeros((0, 4), np.float32)
+        return _without_pixels(sample), things_of(sample), spots_of(sample)
 
     def _moved(self, arrays: Sequence[npt.NDArray[Any]]) -> Tensor:
         return torch.from_numpy(np.stack(arrays)).to(self._device)

@@ -127,3 +127,39 @@ def test_samples_that_come_later_are_taken_from_a_place_on(drive: CachedDrive) -
         torch.testing.assert_close(
             made.depth_accumulated_m, expected.depth_accumulated_m, equal_nan=True, rtol=0, atol=0
         )
+
+
+def with_poles(drive: CachedDrive, index: int) -> TrainingSample:
+    """A pole in each sample, on its road."""
+    sample = READ(drive, index)
+    depth_m, classes = sample.depth_m.copy(), sample.classes.copy()
+    image, left = sample.image.copy(), 4 + 3 * index
+    place = (slice(14, 48), slice(left, left + 4))
+    depth_m[:], classes[:] = sample.depth_m[:, :1], 0
+    image[place], depth_m[place], classes[place] = 20 * index + 30, sample.depth_m[47, 0], 5
+    return replace(sample, image=image, depth_m=depth_m, classes=classes)
+
+
+READ = CachedDrive.__getitem__
+
+
+@pytest.mark.parametrize("has_scan", [False, True])
+def test_things_are_put_where_they_are_with_samples_on_a_disk(
+    samples: SampleSet, monkeypatch: Any, has_scan: bool
+) -> None:
+    def read(drive: CachedDrive, index: int) -> TrainingSample:
+        sample = with_poles(drive, index)
+        return replace(sample, depth_single_m=sample.depth_m) if has_scan else sample
+
+    monkeypatch.setattr(CachedDrive, "__getitem__", read)
+    plain = without_looks(FULL)
+    config = replace(plain, copy_paste=0.8)
+    mine, theirs = resident(samples, config, (64, 96)), BatchMaker(samples, config, 0).make(8, 6, (64, 96))
+    torch.testing.assert_close(mine.image, theirs.image, atol=2.01 / 255, rtol=0)
+    names = ("radar", "valid", "depth_accumulated_m", "classes", *(("depth_single_m",) if has_scan else ()))
+    for name in names:
+        torch.testing.assert_close(getattr(mine, name), getattr(theirs, name), equal_nan=True, rtol=0, atol=0)
+    without = resident(samples, plain, (64, 96))
+    assert (mine.classes != without.classes).flatten(1).any(1).sum() >= 3
+    # What else is drawn of a sample is as it was.
+    torch.testing.assert_close(mine.ground, without.ground, rtol=0, atol=0)
