@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -19,6 +18,7 @@ import numpy.typing as npt
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.frame import FloatArray, ImageArray
 from radcam_depth_ros.training.data.samples import RADAR_VALUES, UNKNOWN_CLASS, TrainingSample
+from radcam_depth_ros.training.data.views import View
 
 _U, _V, _DEPTH = range(3)
 KINDS = (("person",), ("rider", "bicycle", "motorcycle"), ("pole", "traffic light", "traffic sign"))
@@ -124,17 +124,6 @@ class Patch:
         return part, (rows, columns)
 
 
-class Placing(Protocol):
-    """Where pixels of an image are in what is seen of it."""
-
-    def places(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Columns and rows in the view."""
-
-    @property
-    def scale(self) -> float:
-        """Pixels of the view by those of the image."""
-
-
 def things_of(sample: TrainingSample) -> tuple[Thing, ...]:
     """All things that stand free on the ground; none where classes are unknown."""
     kinds = cv2.LUT(sample.classes, _KIND_OF_CLASS)
@@ -233,7 +222,7 @@ class Pasting:
         return cls(tuple(place + 1 + int(ahead) for ahead in rng.integers(0, _DONORS_AHEAD, _DONORS)), most, rng)
 
     def planned(
-        self, things: Sequence[Thing], spots: FloatArray, view: Placing, focal_px: float
+        self, things: Sequence[Thing], spots: FloatArray, view: View, focal_px: float
     ) -> tuple[tuple[Patch, ...], FloatArray]:
         """Puts things on the ground of a view, each at a place of its own.
 
@@ -289,7 +278,7 @@ def _spot(thing: Thing, spots: FloatArray, focal_px: float, rng: np.random.Gener
     return np.asarray(fitting[nearest[int(which * len(nearest))]])
 
 
-def _put(thing: Thing, spot: FloatArray, view: Placing, focal_px: float, mirrored: bool) -> tuple[Patch, FloatArray]:
+def _put(thing: Thing, spot: FloatArray, view: View, focal_px: float, mirrored: bool) -> tuple[Patch, FloatArray]:
     """A thing at a place."""
     nearer = float(thing.foot_m / spot[_DEPTH])
     scale = nearer * focal_px / thing.focal_px * view.scale

@@ -13,12 +13,13 @@ import torch
 from torch import Tensor
 from torch.nn.functional import interpolate, pad
 
-from radcam_depth_ros.training.data.augmentation import AugmentationConfig, View, scaled_places, told
+from radcam_depth_ros.training.data.augmentation import AugmentationConfig, told
 from radcam_depth_ros.training.data.batches import Batch, collate
 from radcam_depth_ros.training.data.copy_paste import Pasting, Patch
 from radcam_depth_ros.training.data.order import MixedOrder
 from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS
+from radcam_depth_ros.training.data.views import View, scaled_places
 from radcam_depth_ros.training.resident.appearance import develop, restyle
 from radcam_depth_ros.training.resident.chances import Chances
 from radcam_depth_ros.training.resident.photometric import perceive, unreadable
@@ -77,12 +78,14 @@ class ResidentBatchMaker:
         self._order = MixedOrder(len(samples), seed, len(rehearsal or ()), rehearsal_share)
 
     def make(self, position: int, count: int, size: tuple[int, int]) -> BatchPlan:
-        """What is in the batch of the samples number `position` to `position + count`; touches no pixel on the device."""
+        """What is in the batch of the samples number `position` to `position + count`; nothing is done on the device."""
         samples, views, patches, facts = [], [], [], []
         for place in range(position, position + count):
             rng = np.random.default_rng((self._seed, 1, place))
             sample = self._sample(place)
-            view = View.drawn(sample.facts.camera, size, self._config, rng, rng.spawn(1)[0])
+            view = View.drawn(
+                sample.facts.camera, size, self._config.focal_jitter, self._config.mirror, rng, rng.spawn(1)[0]
+            )
             samples.append(sample)
             views.append(view)
             seen = view.facts_of(sample.facts)

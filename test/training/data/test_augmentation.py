@@ -10,17 +10,11 @@ from small_training import RECIPE
 
 from radcam_depth_ros.frame import CameraModel, GroundPlane
 from radcam_depth_ros.geometry import ground_coefficients, project
-from radcam_depth_ros.training.data.augmentation import (
-    augment,
-    crop,
-    mirror,
-    perturb_ground,
-    perturb_radar,
-    zoom,
-)
+from radcam_depth_ros.training.data.augmentation import augment, perturb_ground, perturb_radar
 from radcam_depth_ros.training.data.photometric import PhotometricConfig, perceive
 from radcam_depth_ros.training.data.samples import TrainingSample
 from radcam_depth_ros.training.data.unreadable import unreadable
+from radcam_depth_ros.training.data.views import crop, mirrored, zoom
 
 CAMERA = CameraModel(160, 96, 120.0, 118.0, 83.0, 41.0)
 UP = np.array([0.05, -0.99, 0.08]) / np.linalg.norm([0.05, -0.99, 0.08])
@@ -111,7 +105,7 @@ def test_the_focal_length_varies_within_its_bound() -> None:
 
 def test_a_mirrored_point_is_the_point_with_x_negated() -> None:
     sample = make_sample()
-    flipped = mirror(sample)
+    flipped = mirrored(sample)
     np.testing.assert_allclose(points_of(flipped), points_of(sample) * [-1, 1, 1], rtol=1e-4, atol=1e-4)
     np.testing.assert_array_equal(flipped.image, sample.image[:, ::-1])
     np.testing.assert_array_equal(flipped.depth_m, sample.depth_m[:, ::-1])
@@ -123,7 +117,7 @@ def test_a_mirrored_point_is_the_point_with_x_negated() -> None:
 
 def test_mirroring_twice_changes_nothing() -> None:
     sample = make_sample()
-    twice = mirror(mirror(sample))
+    twice = mirrored(mirrored(sample))
     np.testing.assert_array_equal(twice.image, sample.image)
     np.testing.assert_allclose(twice.radar, sample.radar, rtol=1e-5)
     assert twice.camera == sample.camera

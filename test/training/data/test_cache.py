@@ -14,10 +14,10 @@ from radcam_depth_ros.drive import DriveSettings, Sample
 from radcam_depth_ros.frame import CameraModel
 from radcam_depth_ros.geometry import CanonicalCamera
 from radcam_depth_ros.training.data import cache
-from radcam_depth_ros.training.data.augmentation import crop, mirror
 from radcam_depth_ros.training.data.batches import collate
 from radcam_depth_ros.training.data.cache import CacheSettings, build_drive, cached_drives, resample_depth
 from radcam_depth_ros.training.data.samples import CachedDrive, SampleWriter
+from radcam_depth_ros.training.data.views import crop, mirrored
 from radcam_depth_ros.training.errors import TrainingError
 
 SETTINGS = CacheSettings(630.0, 100.0)
@@ -164,7 +164,7 @@ def test_the_single_scans_depth_is_kept_where_it_differs(
     np.testing.assert_array_equal(batch.depth_single_m[0, 0], single)
     # One ground truth serves as both.
     np.testing.assert_array_equal(batch.depth_single_m[1], batch.depth_accumulated_m[1])
-    cut = mirror(crop(drive[0], 20, 4, 32, 64))
+    cut = mirrored(crop(drive[0], 20, 4, 32, 64))
     assert cut.depth_single_m is not None
     assert np.flatnonzero(np.isfinite(cut.depth_single_m[10])).tolist() == [59, 60, 61, 62]
 

@@ -8,9 +8,9 @@ import pytest
 
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.frame import CameraModel, GroundPlane
-from radcam_depth_ros.training.data.augmentation import View
 from radcam_depth_ros.training.data.copy_paste import Pasting, Patch, Thing, pasted, spots_of, things_of
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS, TrainingSample
+from radcam_depth_ros.training.data.views import View
 
 CAMERA = CameraModel(160, 96, 100.0, 100.0, 80.0, 40.0)
 HEIGHT_M = 1.5
