@@ -78,7 +78,7 @@ class ResidentBatchMaker:
         self._order = MixedOrder(len(samples), seed, len(rehearsal or ()), rehearsal_share)
 
     def make(self, position: int, count: int, size: tuple[int, int]) -> BatchPlan:
-        """What is in the batch of the samples number `position` to `position + count`; nothing is done on the device."""
+        """What is in the batch of the samples number `position` to `position + count`; leaves the device alone."""
         samples, views, patches, facts = [], [], [], []
         for place in range(position, position + count):
             rng = np.random.default_rng((self._seed, 1, place))
