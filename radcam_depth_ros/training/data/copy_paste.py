@@ -235,6 +235,7 @@ class Pasting:
         Returns:
             The patches, the farthest first, and their returns (n, 6) in the view.
         """
+        spots = _seen(spots, view)
         placed: list[tuple[float, Patch]] = []
         returns = [np.zeros((0, RADAR_VALUES), np.float32)]
         kinds = sorted({thing.kind for thing in things})
@@ -263,6 +264,13 @@ class Pasting:
             radar=np.concatenate([sample.radar, radar]),
             radar_source=np.concatenate([sample.radar_source, source]),
         )
+
+
+def _seen(spots: FloatArray, view: View) -> FloatArray:
+    """Those places that lie in a view."""
+    u, v = view.places(spots[:, _U], spots[:, _V])
+    height, width = view.size
+    return spots[(u >= 0) & (u < width) & (v >= 0) & (v < height)]
 
 
 def _spot(thing: Thing, spots: FloatArray, focal_px: float, rng: np.random.Generator) -> FloatArray | None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from radcam_depth_ros.classes import CLASS_NAMES
-from radcam_depth_ros.frame import CameraModel, GroundPlane
+from radcam_depth_ros.frame import CameraModel, FloatArray, GroundPlane
 from radcam_depth_ros.training.data.copy_paste import Pasting, Patch, Thing, pasted, spots_of, things_of
 from radcam_depth_ros.training.data.samples import UNKNOWN_CLASS, TrainingSample
 from radcam_depth_ros.training.data.views import View
@@ -42,10 +42,16 @@ def road_sample(things: Sequence[tuple[int, float, int, int]] = (), brightness: 
 
 
 def put(
-    things: Sequence[Thing], sample: TrainingSample, view: View = WHOLE, seed: int = 0, most: int = 1
+    things: Sequence[Thing],
+    sample: TrainingSample,
+    view: View = WHOLE,
+    seed: int = 0,
+    most: int = 1,
+    spots: FloatArray | None = None,
 ) -> tuple[TrainingSample, tuple[Patch, ...]]:
     pasting = Pasting((), most, np.random.default_rng(seed))
-    patches, returns = pasting.planned(things, spots_of(sample), view, sample.camera.fx)
+    spots = spots_of(sample) if spots is None else spots
+    patches, returns = pasting.planned(things, spots, view, sample.camera.fx)
     return pasting.with_returns(pasted(view.of(sample), patches), returns), patches
 
 
@@ -108,14 +114,24 @@ def test_a_view_moves_things_with_the_ground(is_mirrored: bool) -> None:
     things = things_of(road_sample([(PERSON, 6.0, 70, 9)]))
     sample = road_sample()
     view = View(4, 10, 88, 140, (110, 175), is_mirrored)
-    whole, (plain,) = put(things, sample, seed=3)
-    seen, (moved,) = put(things, sample, view, seed=3)
+    spots = np.array([[80, 65, 6.0, 80.0]], np.float32)
+    whole, (plain,) = put(things, sample, spots=spots)
+    seen, (moved,) = put(things, sample, view, spots=spots)
     for length, before in zip(moved.alpha.shape, plain.alpha.shape, strict=True):
         assert length == pytest.approx(1.25 * before, abs=1.2)
     expected = view.of(whole)
     both = ((seen.classes == PERSON) & (expected.classes == PERSON)).sum()
     assert both > 0.7 * max((seen.classes == PERSON).sum(), (expected.classes == PERSON).sum())
-    np.testing.assert_allclose(seen.radar, view.of(whole).radar, atol=1.5)
+    np.testing.assert_allclose(seen.radar, view.of(whole).radar, atol=2)
+
+
+def test_things_are_put_where_the_view_is() -> None:
+    things = things_of(road_sample([(PERSON, 6.0, 70, 9)]))
+    for seed in range(10):
+        view = View(30, 100, 60, 50, (60, 50), False)
+        seen, (_,) = put(things, road_sample(), view, seed)
+        assert (seen.classes == PERSON).any()
+    assert not put(things, road_sample(), View(0, 0, 30, 50, (30, 50), False))[1]
 
 
 def test_what_is_nearer_stays_in_front_and_what_is_unknown_stays_unknown() -> None:
