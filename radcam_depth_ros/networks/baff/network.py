@@ -69,8 +69,9 @@ class Decision(NamedTuple):
     sky_logit: Tensor | None
 
 
-AGREEMENT = 0.2
-"""Relative difference of the stages' depths at which the semi-dense depth counts 1 / e as much as without any."""
+AGREEMENT, AGREEMENT_M = 0.3, 4.0
+"""Differences of the stages' depths, relative and in metres: at either one a return counts 1 / e as much for the semi-dense
+depth as without any."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ class Baff(Network):
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
         self.threshold = config.threshold
-        self.agreement = AGREEMENT
+        self.agreement, self.agreement_m = AGREEMENT, AGREEMENT_M
         self.caution = Caution(config.caution, config.familiar)
         self.outside = OUTSIDE
         self.detail = config.detail
@@ -391,9 +392,10 @@ class Baff(Network):
         size = (best.shape[2], best.shape[3])
         dense = functional.interpolate(self._depth(plane.detach()), size, mode="bilinear")
         confidence = torch.sigmoid(functional.interpolate(confidence_logit.detach().float(), size, mode="bilinear"))
-        apart = torch.log(depth.clamp(min=self.min_depth_m) / dense).abs()
-        # Stage 2's word weighs more: it knows what is in front. Powers and `AGREEMENT` were chosen on held-out drives.
-        score = self._probability(best).sqrt() * confidence.square() * torch.exp(-apart / self.agreement)
+        apart = torch.log(depth.clamp(min=self.min_depth_m) / dense).abs() / self.agreement
+        apart = apart + (depth - dense).abs() / self.agreement_m
+        # Stage 2's word weighs more: it knows what is in front. Powers and agreements were chosen on held-out drives.
+        score = self._probability(best).sqrt().sqrt() * confidence.square() * torch.exp(-apart)
         return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
 
     def _depth(self, plane: Tensor) -> Tensor:
