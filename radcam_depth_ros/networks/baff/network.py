@@ -70,8 +70,8 @@ class Decision(NamedTuple):
 
 
 AGREEMENT, AGREEMENT_M = 0.3, 4.0
-"""Differences of the stages' depths, relative and in metres: at either one a return counts 1 / e as much for the semi-dense
-depth as without any."""
+"""Differences of the stages' depths, relative and in metres: at either one a return counts 1 / e as much for the
+semi-dense depth as without any."""
 
 
 @dataclass(frozen=True)
