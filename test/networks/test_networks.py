@@ -16,11 +16,12 @@ from radcam_depth_ros import networks
 from radcam_depth_ros.classes import CLASS_NAMES
 from radcam_depth_ros.frame import RadcamDepthError
 from radcam_depth_ros.networks import ArchitectureError
+from radcam_depth_ros.networks.baff.agreement import Agreement
 from radcam_depth_ros.networks.baff.head import CANDIDATES, DEPTH_BINS, FARTHEST_BIN, NEAREST_BIN
 from radcam_depth_ros.networks.baff.network import Baff
 from radcam_depth_ros.networks.baff_paper.network import BaffPaper
 from radcam_depth_ros.networks.interface import Network
-from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, plane_to_depth
+from radcam_depth_ros.networks.layers.rasterise import plane_to_depth
 from radcam_depth_ros.networks.weights_io import torchscript
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor]
@@ -349,13 +350,11 @@ def test_depths_that_nothing_suggests_can_be_chosen() -> None:
 
 
 def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
-    network = networks.create("baff", {"threshold": 0.5})
-    assert isinstance(network, Baff)
     # Pixels: agreed; the stages 20 % apart; stage 1 unsure; stage 2 unsure. A logit of 5 is 0.993.
     depth = torch.tensor([20.0, 24.0, 20.0, 20.0]).reshape(1, 1, 1, 4)
-    best = torch.tensor([5.0, 5.0, -2.0, 5.0]).reshape(1, 1, 1, 4)
-    plane = depth_to_plane(torch.full((1, 1, 2, 8), 20.0), 1.0, 100.0)
+    probability = torch.tensor([0.99, 0.99, 0.01, 0.99]).reshape(1, 1, 1, 4)
+    dense = torch.full((1, 1, 2, 8), 20.0)
     sure = torch.tensor([5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 8).expand(1, 1, 2, 8)
-    found = network._agreed(best, depth, plane, sure).flatten()
+    found = Agreement(threshold=0.5)(probability, depth, dense, sure).flatten()
     assert float(found[0]) == 20.0
     assert torch.isnan(found[1:]).all()

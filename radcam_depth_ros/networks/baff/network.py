@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from radcam_depth_ros.classes import CLASS_GROUPS
+from radcam_depth_ros.networks.baff.agreement import Agreement
 from radcam_depth_ros.networks.baff.association import FEATURES, OUTSIDE, EmbeddingAssociation, PointEncoder
 from radcam_depth_ros.networks.baff.detail import enlarged
 from radcam_depth_ros.networks.baff.geometry_mix import EMPHASIS, GeometryMix
@@ -69,19 +70,14 @@ class Decision(NamedTuple):
     sky_logit: Tensor | None
 
 
-AGREEMENT, AGREEMENT_M = 0.3, 4.0
-"""Differences of the stages' depths, relative and in metres: at either one a return counts 1 / e as much for the
-semi-dense depth as without any."""
-
-
 @dataclass(frozen=True)
 class BaffConfig(NetworkConfig):
     """Architecture of `baff`.
 
     Attributes:
         association: `embedding` (one decoder pass however many returns) or `regions` (the paper's, one for each).
-        threshold: tau, the confidence of both stages from which on a pixel of the semi-dense depth takes its return's
-            depth.
+        threshold: tau, the score of `agreement.Agreement` above which a pixel of the semi-dense depth takes its
+            return's depth.
         geometry_mix: Mix the dense depth with geometry's on the road as told, see `geometry_mix.GeometryMix`, and give
             the sky. A road that is told is then never corrected. False is the form of older weights.
         caution: Where the confidence is lower, the dense depth, after the mix if there is one, leans to geometry's: the
@@ -188,8 +184,7 @@ class Baff(Network):
         self.calibrated = CalibratedConfidence(config.calibration)
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
-        self.threshold = config.threshold
-        self.agreement, self.agreement_m = AGREEMENT, AGREEMENT_M
+        self.agreement = Agreement(config.threshold)
         self.caution = Caution(config.caution, config.familiar)
         self.outside = OUTSIDE
         self.detail = config.detail
@@ -365,7 +360,9 @@ class Baff(Network):
             known = torch.cat([values.detach().float() for values in planes], dim=1)
             plane, confidence_logit = self.mix(statistics, choice.features, known, plane, confidence_logit, near, used)
             sky = torch.sigmoid(sky_logit)
-        semi_dense = self._agreed(best, depth, plane, confidence_logit)
+        semi_dense = self.agreement(
+            self._probability(best), depth, self._depth(plane.detach()), confidence_logit.detach()
+        )
         if not self.training:
             plane = self.caution(plane, confidence_logit, near)
         size = (image.shape[2], image.shape[3])
@@ -382,21 +379,6 @@ class Baff(Network):
     def _probability(self, best: Tensor) -> Tensor:
         """Of stage 1's return."""
         return torch.sigmoid(best.detach().float())
-
-    def _agreed(self, best: Tensor, depth: Tensor, plane: Tensor, confidence_logit: Tensor) -> Tensor:
-        """The semi-dense depth: stage 1's return where both stages are sure of it and agree; NaN elsewhere.
-
-        Deviation: in the paper stage 1 decides alone. Stage 2 has seen more, and what it says comes for nothing
-        (docs/decisions.md).
-        """
-        size = (best.shape[2], best.shape[3])
-        dense = functional.interpolate(self._depth(plane.detach()), size, mode="bilinear")
-        confidence = torch.sigmoid(functional.interpolate(confidence_logit.detach().float(), size, mode="bilinear"))
-        apart = torch.log(depth.clamp(min=self.min_depth_m) / dense).abs() / self.agreement
-        apart = apart + (depth - dense).abs() / self.agreement_m
-        # Stage 2's word weighs more: it knows what is in front. Powers and agreements were chosen on held-out drives.
-        score = self._probability(best).sqrt().sqrt() * confidence.square() * torch.exp(-apart)
-        return torch.where(score > self.threshold, depth, torch.full_like(depth, float("nan")))
 
     def _depth(self, plane: Tensor) -> Tensor:
         return plane_to_depth(plane, self.min_depth_m, self.max_depth_m)
