@@ -350,11 +350,13 @@ def test_depths_that_nothing_suggests_can_be_chosen() -> None:
 
 
 def test_semi_dense_depth_is_where_both_stages_are_sure_and_agree() -> None:
-    # Pixels: agreed; the stages 20 % apart; stage 1 unsure; stage 2 unsure. A logit of 5 is 0.993.
-    depth = torch.tensor([20.0, 24.0, 20.0, 20.0]).reshape(1, 1, 1, 4)
-    probability = torch.tensor([0.99, 0.99, 0.01, 0.99]).reshape(1, 1, 1, 4)
-    dense = torch.full((1, 1, 2, 8), 20.0)
-    sure = torch.tensor([5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 8).expand(1, 1, 2, 8)
-    found = Agreement(threshold=0.5)(probability, depth, dense, sure).flatten()
-    assert float(found[0]) == 20.0
-    assert torch.isnan(found[1:]).all()
+    # Pixels: agreed; nearer than any depth of stage 2; 20 % apart at 20 m, 5 % at 80 m, a third at 2 m; stage 1 unsure;
+    # stage 2 unsure. A logit of 5 is 0.993.
+    depth = torch.tensor([20.0, 0.5, 24.0, 84.0, 2.0, 20.0, 20.0]).reshape(1, 1, 1, 7)
+    dense = torch.tensor([20.0, 1.0, 20.0, 80.0, 3.0, 20.0, 20.0]).repeat_interleave(2).reshape(1, 1, 1, 14)
+    probability = torch.tensor([0.99, 0.99, 0.99, 0.99, 0.99, 0.01, 0.99]).reshape(1, 1, 1, 7)
+    sure = torch.tensor([5.0, 5.0, 5.0, 5.0, 5.0, 5.0, -1.0]).repeat_interleave(2).reshape(1, 1, 1, 14)
+    agreement = Agreement(threshold=0.5, min_depth_m=1.0)
+    found = agreement(probability, depth, dense.expand(1, 1, 2, 14), sure.expand(1, 1, 2, 14)).flatten()
+    assert found[:2].tolist() == [20.0, 0.5]
+    assert torch.isnan(found[2:]).all()

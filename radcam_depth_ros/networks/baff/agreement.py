@@ -17,11 +17,13 @@ class Agreement(nn.Module):
 
     Args:
         threshold: The score, 0 to 1, above which a pixel takes its return's depth.
+        min_depth_m: The nearest that stage 2's depth can be: a return nearer than that is compared as if it lay there.
     """
 
-    def __init__(self, threshold: float) -> None:
+    def __init__(self, threshold: float, min_depth_m: float) -> None:
         super().__init__()
         self.threshold = threshold
+        self.min_depth_m = min_depth_m
         self.relative, self.metres = RELATIVE, METRES
 
     def forward(self, probability: Tensor, depth_m: Tensor, dense_m: Tensor, confidence_logit: Tensor) -> Tensor:
@@ -36,7 +38,7 @@ class Agreement(nn.Module):
         size = (probability.shape[2], probability.shape[3])
         dense = functional.interpolate(dense_m, size, mode="bilinear")
         confidence = torch.sigmoid(functional.interpolate(confidence_logit.float(), size, mode="bilinear"))
-        apart = torch.log(depth_m.clamp(min=0.1) / dense).abs() / self.relative
+        apart = torch.log(depth_m.clamp(min=self.min_depth_m) / dense).abs() / self.relative
         apart = apart + (depth_m - dense).abs() / self.metres
         # Stage 2's word weighs more: it knows what is in front. Powers and differences were chosen on held-out drives.
         score = probability.sqrt().sqrt() * confidence.square() * torch.exp(-apart)

@@ -184,7 +184,7 @@ class Baff(Network):
         self.calibrated = CalibratedConfidence(config.calibration)
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
-        self.agreement = Agreement(config.threshold)
+        self.agreement = Agreement(config.threshold, config.min_depth_m)
         self.caution = Caution(config.caution, config.familiar)
         self.outside = OUTSIDE
         self.detail = config.detail
