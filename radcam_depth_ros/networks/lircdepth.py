@@ -19,6 +19,7 @@ from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import alike, around, check_patch
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
 from radcam_depth_ros.networks.layers.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
+from radcam_depth_ros.networks.layers.trusted import TrustedReturns
 from radcam_depth_ros.networks.registry import register
 
 IMAGE_CHANNELS = (64, 64, 128, 256, 512)
@@ -42,8 +43,9 @@ class LircdepthConfig(NetworkConfig):
     """Architecture of `lircdepth`.
 
     Attributes:
-        threshold: tau, the confidence from which on a pixel can have a semi-dense depth.
-        patch_px: Rows and columns around a return in which a pixel can take its depth, odd; as for `cafnet`.
+        threshold: tau, the score of `trusted.TrustedReturns` above which a pixel of the semi-dense depth takes its
+            return's depth.
+        patch_px: Rows and columns around a return in which a pixel can take its depth, odd.
         tolerance: How far a return's depth may be off the dense depth of such a pixel, as a share of it.
         ground_prior: Take the flat road's depth as an input, and as a depth that the result may take.
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
@@ -51,8 +53,8 @@ class LircdepthConfig(NetworkConfig):
         sky: Tell the sky, by a head of its own.
     """
 
-    threshold: float = 0.5
-    patch_px: tuple[int, int] = (37, 13)
+    threshold: float = 0.07
+    patch_px: tuple[int, int] = (61, 21)
     tolerance: float = 0.1
     ground_prior: bool = True
     caution: float = 0.7
@@ -176,7 +178,7 @@ class Lircdepth(SinglePass):
 
     The paper has neither confidence nor semi-dense depth. The confidence has a head of its own that passes no gradient
     on, so that all else learns as in the paper. The semi-dense depth is that of the return around a pixel that is most
-    like the dense depth, where they agree and the confidence is high enough.
+    like the dense depth, where they agree and the confidence is high enough for its distance.
     """
 
     about = "two light encoders, learns from cafnet (LiRCDepth, 2025)"
@@ -210,7 +212,7 @@ class Lircdepth(SinglePass):
     def __init__(self, config: LircdepthConfig) -> None:
         super().__init__(config)
         self.calibrated = CalibratedConfidence(config.calibration)
-        self.threshold = config.threshold
+        self.trusted = TrustedReturns(config.threshold)
         self.patch_px = config.patch_px
         self.tolerance = config.tolerance
         self.min_depth_m = config.min_depth_m
@@ -246,8 +248,7 @@ class Lircdepth(SinglePass):
         logit = self.confidence(decoded[4].detach())
         confidence = torch.sigmoid(logit)
         patches = around(radar, valid, height, width, self.patch_px)
-        semi_dense = alike(patches, radar, dense.detach(), self.tolerance)
-        semi_dense = torch.where(confidence > self.threshold, semi_dense, torch.full_like(semi_dense, float("nan")))
+        semi_dense = self.trusted(alike(patches, radar, dense.detach(), self.tolerance), dense, confidence)
         if self.cautious is not None and not self.training:
             dense = self.cautious(dense, logit, radar, valid, ground)
         inter_depth_m = [self.max_depth_m * share for share in shares]

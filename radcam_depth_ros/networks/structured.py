@@ -21,11 +21,9 @@ from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, draw_nearest, plane_to_depth
 from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, Levels, ResNet
 from radcam_depth_ros.networks.layers.sparse import SparseConv
+from radcam_depth_ros.networks.layers.trusted import TrustedReturns
 from radcam_depth_ros.networks.layers.up_projection import LEVELS, UpDecoder
 from radcam_depth_ros.networks.registry import register
-
-AGREEMENT = 0.2
-"""Relative difference of coarse and dense depth at which the semi-dense depth counts 1 / e as much as without any."""
 
 BLOCKS = {"resnet18": RESNET_18, "resnet34": RESNET_34}
 
@@ -47,8 +45,8 @@ class StructuredConfig(NetworkConfig):
         ground_prior: Take the flat road's depth as an input, and as a depth that each decoder may take.
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
         familiar: Share of sure pixels from which on depths of a picture do not lean, see `caution`. 0: of no picture.
-        threshold: tau, from which on a pixel near a return has a semi-dense depth: the confidence, less where coarse
-            and dense depth differ.
+        threshold: tau, the score of `trusted.TrustedReturns` above which a pixel near a return has a semi-dense depth,
+            the coarse one.
     """
 
     fusion: str = "seg"
@@ -59,7 +57,7 @@ class StructuredConfig(NetworkConfig):
     ground_prior: bool = True
     caution: float = 0.7
     familiar: float = 0.38
-    threshold: float = 0.25
+    threshold: float = 0.06
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -159,8 +157,7 @@ class Structured(SinglePass):
         self.calibrated = CalibratedConfidence(config.calibration)
         self.min_depth_m = config.min_depth_m
         self.max_depth_m = config.max_depth_m
-        self.threshold = config.threshold
-        self.agreement = AGREEMENT
+        self.trusted = TrustedReturns(config.threshold)
         self.weighs = config.fusion == "conf"
         self.sky_class = CLASS_NAMES.index("sky")
         blocks, width = BLOCKS[config.backbone], config.joined_channels
@@ -256,9 +253,9 @@ class Structured(SinglePass):
         The paper has none. The coarse depth knows no edges: it is a return's also beside the thing that sent it back.
         There the dense depth, which knows the image, differs.
         """
-        apart = torch.log(coarse / dense.detach()).abs()
-        score = confidence.detach() * torch.exp(-apart / self.agreement)
-        return torch.where(reached & (score > self.threshold), coarse, torch.full_like(coarse, float("nan")))
+        found = torch.where(reached, coarse, torch.full_like(coarse, float("nan")))
+        result: Tensor = self.trusted(found, dense, confidence)
+        return result
 
     def _depth(self, logits: Tensor, ground: Tensor) -> Tensor:
         """Metres (B, 1, H, W) of a decoder's result (B, values, H, W)."""

@@ -46,7 +46,8 @@ class Detail(nn.Module):
             What is added to the head's values, (B, values, H / 2, W / 2), and logits of weights (B, 16, H / 2, W / 2),
             as `enlarged` takes them; both float32.
         """
-        x = self.conv(self.activation(double(self.reduce(features)).add_(self.stem(image))))
+        # To float32 once, not in each of the two.
+        x = self.conv(self.activation(double(self.reduce(features)).add_(self.stem(image)))).float()
         return self.correct(x), self.weigh(x)
 
 
