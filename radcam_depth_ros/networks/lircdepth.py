@@ -13,13 +13,12 @@ from radcam_depth_ros.networks.distillation import DistillationFeatures
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_caution
 from radcam_depth_ros.networks.layers.ground import GroundPrior
-from radcam_depth_ros.networks.layers.heads import CalibratedConfidence, sky_head
+from radcam_depth_ros.networks.layers.heads import CalibratedConfidence, TrustedReturns, sky_head
 from radcam_depth_ros.networks.layers.mobilenet import ConvNormRelu, InvertedResidual, PyramidEncoder
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.patches import alike, around, check_patch
 from radcam_depth_ros.networks.layers.radar_channels import PLANES, draw_planes
 from radcam_depth_ros.networks.layers.resnet import IMAGENET_DEVIATION, IMAGENET_MEAN
-from radcam_depth_ros.networks.layers.trusted import TrustedReturns
 from radcam_depth_ros.networks.registry import register
 
 IMAGE_CHANNELS = (64, 64, 128, 256, 512)
@@ -43,7 +42,7 @@ class LircdepthConfig(NetworkConfig):
     """Architecture of `lircdepth`.
 
     Attributes:
-        threshold: tau, the score of `trusted.TrustedReturns` above which a pixel of the semi-dense depth takes its
+        threshold: tau, the score of `heads.TrustedReturns` above which a pixel of the semi-dense depth takes its
             return's depth.
         patch_px: Rows and columns around a return in which a pixel can take its depth, odd.
         tolerance: How far a return's depth may be off the dense depth of such a pixel, as a share of it.

@@ -16,12 +16,11 @@ from radcam_depth_ros.networks.config import ArchitectureError, NetworkConfig
 from radcam_depth_ros.networks.interface import Depths, SinglePass
 from radcam_depth_ros.networks.layers.caution import CautiousDepth, check_caution
 from radcam_depth_ros.networks.layers.ground import GroundPrior
-from radcam_depth_ros.networks.layers.heads import CalibratedConfidence
+from radcam_depth_ros.networks.layers.heads import CalibratedConfidence, TrustedReturns
 from radcam_depth_ros.networks.layers.number_formats import Float32Conv2d
 from radcam_depth_ros.networks.layers.rasterise import depth_to_plane, draw_nearest, plane_to_depth
 from radcam_depth_ros.networks.layers.resnet import CHANNELS, RESNET_18, RESNET_34, Levels, ResNet
 from radcam_depth_ros.networks.layers.sparse import SparseConv
-from radcam_depth_ros.networks.layers.trusted import TrustedReturns
 from radcam_depth_ros.networks.layers.up_projection import LEVELS, UpDecoder
 from radcam_depth_ros.networks.registry import register
 
@@ -45,7 +44,7 @@ class StructuredConfig(NetworkConfig):
         ground_prior: Take the flat road's depth as an input, and as a depth that each decoder may take.
         caution: Where the confidence is lower, the dense depth leans to geometry's, see `caution`. 0: nowhere.
         familiar: Share of sure pixels from which on depths of a picture do not lean, see `caution`. 0: of no picture.
-        threshold: tau, the score of `trusted.TrustedReturns` above which a pixel near a return has a semi-dense depth,
+        threshold: tau, the score of `heads.TrustedReturns` above which a pixel near a return has a semi-dense depth,
             the coarse one.
     """
 
