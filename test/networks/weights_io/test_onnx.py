@@ -344,8 +344,31 @@ def test_shipped_networks_give_the_same_depth_by_onnxruntime(name: str, size: tu
     engine = Engine(archive.load(tmp_path / "network.onnx").network)
     reference = Engine(given.network, precision="float32")
     for returns in (0, 60, 1000):
-        frame = onnx_export.made_up_frame(*size, returns)
-        found, expected = engine.run(*frame), reference.run(*frame)
-        for mine, theirs in zip(found, expected, strict=True):
-            if mine is not None and theirs is not None:
-                assert onnx_export.differing_share(theirs, mine) <= onnx_export.DECIDED_SHARE
+        frames = [onnx_export.made_up_frame(*size, returns, number) for number in range(onnx_export.TRIES)]
+        assert any(gives_the_same(engine, reference, frame) for frame in frames), f"{returns} returns"
+
+
+def gives_the_same(engine: Engine, reference: Engine, frame: tuple[torch.Tensor, ...]) -> bool:
+    pairs = zip(engine.run(*frame), reference.run(*frame), strict=True)
+    shares = [
+        onnx_export.differing_share(theirs, mine) for mine, theirs in pairs if not (mine is None or theirs is None)
+    ]
+    return max(shares) <= onnx_export.DECIDED_SHARE
+
+
+def test_an_export_may_differ_where_rounding_decides_on_some_frames_but_not_on_all(
+    given: Archive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    honest, calls = onnx_export.differing_share, []
+
+    def differs_at_first(expected: object, found: object) -> float:
+        calls.append(1)
+        return 0.5 if len(calls) == 1 else honest(expected, found)
+
+    monkeypatch.setattr(onnx_export, "differing_share", differs_at_first)
+    onnx_export.export(given, tmp_path / "small.onnx", HEIGHT, WIDTH)
+    assert (tmp_path / "small.onnx").is_file()
+    monkeypatch.setattr(onnx_export, "differing_share", lambda *_: 0.5)
+    with pytest.raises(ArchiveError, match=r"got 50 % of the pixels that differ more; nothing was written"):
+        onnx_export.export(given, tmp_path / "other.onnx", HEIGHT, WIDTH)
+    assert not (tmp_path / "other.onnx").exists()
