@@ -34,7 +34,10 @@ DECIDED_SHARE = 1e-4
 """Share of pixels that may differ more: where two returns or classes suit equally well, rounding decides."""
 
 TRIES = 3
-"""Made-up frames with each number of returns, one of which must agree: what rounding decides can spread to others."""
+"""Made-up frames with each number of returns; most must agree, since one pixel that rounding decides spreads to others.
+
+Folding batch norms alone can do that: of 1,000 returns, one pixel of `baff` takes another, and 1.7 % of the depths change.
+"""
 
 
 class Standalone(nn.Module):
@@ -164,21 +167,22 @@ def made_up_frame(height: int, width: int, returns: int, number: int = 0) -> tup
 
 
 def _compare(network: Standalone, written: nn.Module, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -> None:
-    """Refuses an export that gives something else than its network on each of these frames."""
+    """Refuses an export that gives something else than its network on half of these frames or more."""
     if not isinstance(written, onnx_file.OnnxNetwork):
         raise TypeError(f"expected an OnnxNetwork, got {type(written).__name__}")
     session = onnx_file.open_session(written, ["CPUExecutionProvider"], torch.get_num_threads())
-    name, share = "", 0.0
+    differing: list[tuple[str, float]] = []
     for frame in frames:
         with torch.inference_mode():
             expected = network.eval()(*frame)
         named = dict(zip(onnx_file.INPUTS, (value.numpy() for value in frame), strict=True))
         found = session.run(None, named)
         shares = [differing_share(mine.numpy(), theirs) for mine, theirs in zip(expected, found, strict=True)]
-        differing = [pair for pair in zip(written.outputs, shares, strict=True) if pair[1] > DECIDED_SHARE]
-        if not differing:
-            return
-        name, share = differing[0]
+        pairs = zip(written.outputs, shares, strict=True)
+        differing += [pair for pair in pairs if pair[1] > DECIDED_SHARE][:1]
+    if 2 * len(differing) < len(frames):
+        return
+    name, share = differing[0]
     raise ArchiveError(
         f"expected {name} of the ONNX file within {TOLERANCE:g} of the network's at {len(frames[0][1])} returns, got "
         f"{100 * share:.2g} % of the pixels that differ more; nothing was written, use the TorchScript export (.pt)"

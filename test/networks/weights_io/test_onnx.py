@@ -345,7 +345,8 @@ def test_shipped_networks_give_the_same_depth_by_onnxruntime(name: str, size: tu
     reference = Engine(given.network, precision="float32")
     for returns in (0, 60, 1000):
         frames = [onnx_export.made_up_frame(*size, returns, number) for number in range(onnx_export.TRIES)]
-        assert any(gives_the_same(engine, reference, frame) for frame in frames), f"{returns} returns"
+        same = sum(gives_the_same(engine, reference, frame) for frame in frames)
+        assert 2 * same > len(frames), f"{returns} returns"
 
 
 def gives_the_same(engine: Engine, reference: Engine, frame: tuple[torch.Tensor, ...]) -> bool:
@@ -356,19 +357,23 @@ def gives_the_same(engine: Engine, reference: Engine, frame: tuple[torch.Tensor,
     return max(shares) <= onnx_export.DECIDED_SHARE
 
 
-def test_an_export_may_differ_where_rounding_decides_on_some_frames_but_not_on_all(
-    given: Archive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("wrong", [1, 2])
+def test_an_export_may_differ_where_rounding_decides_on_one_frame_but_not_on_two(
+    given: Archive, exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wrong: int
 ) -> None:
     honest, calls = onnx_export.differing_share, []
+    # The dense depth is the first output of each frame.
+    outputs = len(archive.load(exported).network.outputs)  # type: ignore[arg-type]  # an OnnxNetwork's names
+    differs = {outputs * frame for frame in range(wrong)}
 
-    def differs_at_first(expected: object, found: object) -> float:
-        calls.append(1)
-        return 0.5 if len(calls) == 1 else honest(expected, found)
+    def share(expected: object, found: object) -> float:
+        calls.append(found)
+        return 0.5 if len(calls) - 1 in differs else honest(expected, found)
 
-    monkeypatch.setattr(onnx_export, "differing_share", differs_at_first)
-    onnx_export.export(given, tmp_path / "small.onnx", HEIGHT, WIDTH)
-    assert (tmp_path / "small.onnx").is_file()
-    monkeypatch.setattr(onnx_export, "differing_share", lambda *_: 0.5)
-    with pytest.raises(ArchiveError, match=r"got 50 % of the pixels that differ more; nothing was written"):
-        onnx_export.export(given, tmp_path / "other.onnx", HEIGHT, WIDTH)
-    assert not (tmp_path / "other.onnx").exists()
+    monkeypatch.setattr(onnx_export, "differing_share", share)
+    if wrong == 1:
+        onnx_export.export(given, tmp_path / "small.onnx", HEIGHT, WIDTH)
+    else:
+        with pytest.raises(ArchiveError, match=r"expected dense .* got 50 % of the pixels that differ more"):
+            onnx_export.export(given, tmp_path / "small.onnx", HEIGHT, WIDTH)
+    assert (tmp_path / "small.onnx").exists() == (wrong == 1)
