@@ -36,7 +36,7 @@ DECIDED_SHARE = 1e-4
 TRIES = 3
 """Made-up frames with each number of returns; most must agree, since one pixel that rounding decides spreads to others.
 
-Folding batch norms alone can do that: of 1,000 returns, one pixel of `baff` takes another, and 1.7 % of the depths change.
+Folding batch norms alone can do that: with 1,000 returns one pixel of `baff` takes another, and 1.7 % of depths change.
 """
 
 
