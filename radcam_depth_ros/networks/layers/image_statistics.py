@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from radcam_depth_ros.networks.layers.blocks import LEAK
+from radcam_depth_ros.networks.layers.blocks import LEAK, reduced
 from radcam_depth_ros.networks.layers.number_formats import Float32Linear, InFloat32
 
 TYPICAL = (0.44, 0.16, -4.14, -4.02, -3.69, 0.05, 0.06, 0.13, -2.37, 3.76)
@@ -33,7 +33,7 @@ class ImageStatistics(nn.Module):
         """
         # Some of the rows stand for all: the finest steps are most of the cost.
         some = image[:, :, ::4].float()
-        rows, quarter = some.mean(dim=1), functional.avg_pool2d(image, 4).float().mean(dim=1, keepdim=True)
+        rows, quarter = some.mean(dim=1), reduced(image, 4).mean(dim=1, keepdim=True)
         coarse = functional.avg_pool2d(quarter, 4)
         thin = some[:, :, :, ::4]
         return torch.stack(

@@ -3,6 +3,8 @@
 import torch
 from torch import Tensor, nn
 
+from radcam_depth_ros.networks.layers.blocks import reduced
+
 SETTINGS = ((1, 16, 1, 1), (6, 24, 2, 2), (6, 32, 3, 2), (6, 64, 4, 2), (6, 96, 3, 1), (6, 160, 3, 2), (6, 320, 1, 1))
 """Of each group of blocks: how much wider they are inside, channels, how many, stride of the first; table 2."""
 
@@ -83,7 +85,7 @@ class ContextEncoder(MobileNetV2):
 
     def forward(self, image: Tensor) -> list[Tensor]:
         """Takes (B, 3, H, W), 0 to 1, H and W multiples of 32, to four maps, finest first; sizes are rounded up."""
-        x = (nn.functional.avg_pool2d(image.float(), 2) - self.mean) / self.deviation
+        x = (reduced(image, 2) - self.mean) / self.deviation
         maps: list[Tensor] = []
         for index, layer in enumerate(self.features):
             x = layer(x)

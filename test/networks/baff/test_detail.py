@@ -57,6 +57,21 @@ def test_before_training_nothing_is_corrected() -> None:
     torch.testing.assert_close(logits[0, :4, 3, 5].exp(), torch.tensor(BILINEAR))
 
 
+@pytest.mark.parametrize("batch", [1, 2])
+def test_parts_of_a_picture_give_what_the_whole_gives(batch: int) -> None:
+    torch.manual_seed(0)
+    detail = Detail(8, 11).eval()
+    for parameter in detail.parameters():
+        torch.nn.init.normal_(parameter, std=0.2)
+    image, features = torch.rand(batch, 3, 96, 64), torch.rand(batch, 8, 24, 16)
+    in_parts = detail(image, features)
+    for module in detail.modules():
+        if not isinstance(module, torch.nn.BatchNorm2d):
+            module.training = True  # as a whole, with the same statistics
+    for part, whole in zip(in_parts, detail(image, features), strict=True):
+        torch.testing.assert_close(part, whole, rtol=1e-5, atol=1e-6)
+
+
 def test_weights_without_detail_and_context_are_trained_on_from_the_depth_that_they_have(tmp_path: Path) -> None:
     torch.manual_seed(0)
     former = {"full_size": False, "hint": False, "context": "none"}
