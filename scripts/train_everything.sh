@@ -49,7 +49,10 @@ samples=disk
 [ -z "$beside" ] || samples=device
 
 # Drives: some to choose weights by, some to measure them on, then as many as the time gives.
-simulate() { "$python" -m radcam_depth_ros.cli simulate "$@"; }
+# A simulation that is interrupted leaves whole drives alone. Started in the background of a script, all below that script
+# would ignore the signal.
+interruptible=(env --default-signal=INT)
+simulate() { "${interruptible[@]}" "$python" -m radcam_depth_ros.cli simulate "$@"; }
 count=$((minutes / 30 + 2))
 note "drives to validate and to measure on"
 simulate "$out/held_out" --seed 700000 --drives "$count" --frames 8 --config config/training_drives.yaml
@@ -57,7 +60,6 @@ simulate "$out/test" --seed 1000000 --drives "$count" --frames 4
 simulating=
 stop_simulating() {
     [ -n "$simulating" ] || return 0
-    # Interrupted, it leaves whole drives alone.
     kill -INT -- "-$simulating" 2>/dev/null || true
     wait "$simulating" || true
     simulating=
@@ -76,9 +78,8 @@ if [ -n "$beside" ]; then
     fi
 elif [ ! -e "$out/drives/complete" ]; then
     note "drives to train on"
-    # Interrupted, it leaves whole drives alone.
     timeout --signal=INT $((60 * minutes / 3)) \
-        "$python" -m radcam_depth_ros.cli simulate "$out/drives" --seed 700100 --drives 200000 --frames 8 \
+        "${interruptible[@]}" "$python" -m radcam_depth_ros.cli simulate "$out/drives" --seed 700100 --drives 200000 --frames 8 \
         --config config/training_drives.yaml || [ $? -eq 124 ]
     touch "$out/drives/complete"
 fi

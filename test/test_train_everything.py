@@ -13,6 +13,8 @@ from radcam_depth_ros.networks.weights_io import archive
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / "scripts" / "train_everything.sh"
+IN_THE_BACKGROUND = ["bash", "-c", 'trap "" INT; exec "$@"', "-"]
+"""As a script starts what it does not wait for: SIGINT is ignored."""
 
 
 @pytest.mark.endurance
@@ -21,7 +23,7 @@ SCRIPT = ROOT / "scripts" / "train_everything.sh"
 def test_two_minutes_give_weights_and_their_errors(beside: str, tmp_path: Path) -> None:
     out = tmp_path / "everything"
     environment = {**os.environ, "BESIDE": beside}
-    subprocess.run([str(SCRIPT), "2", str(out)], check=True, cwd=ROOT, env=environment)
+    subprocess.run([*IN_THE_BACKGROUND, str(SCRIPT), "2", str(out)], check=True, cwd=ROOT, env=environment)
     trained = archive.load(out / "mix" / "baff.safetensors")
     assert trained.card.network == "baff"
     errors = json.loads((out / "errors.json").read_text(encoding="utf-8"))

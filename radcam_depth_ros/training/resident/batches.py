@@ -192,7 +192,7 @@ def _paste(image: Tensor, depth_m: Tensor, classes: Tensor, single_m: Tensor | N
         return
     part, (rows, columns) = seen
     own_image, alpha, own_m, own_classes = (
-        torch.from_numpy(np.ascontiguousarray(array)).to(image.device)
+        torch.from_numpy(array.copy()).to(image.device)
         for array in (part.image, part.alpha, part.depth_m, part.classes)
     )
     there_m, there = depth_m[rows, columns], image[:, rows, columns]

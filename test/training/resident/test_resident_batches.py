@@ -11,11 +11,12 @@ from small_training import RECIPE
 from radcam_depth_ros import configuration, recipes
 from radcam_depth_ros.training.data.augmentation import AugmentationConfig
 from radcam_depth_ros.training.data.batches import Batch, BatchMaker
+from radcam_depth_ros.training.data.copy_paste import Patch
 from radcam_depth_ros.training.data.sample_sets import SampleSet
 from radcam_depth_ros.training.data.samples import CachedDrive, TrainingSample
 from radcam_depth_ros.training.errors import TrainingError
 from radcam_depth_ros.training.recipe import TrainingConfig, load
-from radcam_depth_ros.training.resident import store
+from radcam_depth_ros.training.resident import batches, store
 from radcam_depth_ros.training.resident.batches import ResidentBatchMaker
 from radcam_depth_ros.training.resident.store import ResidentSamples
 
@@ -163,3 +164,21 @@ def test_things_are_put_where_they_are_with_samples_on_a_disk(
     assert (mine.classes != without.classes).flatten(1).any(1).sum() >= 3
     # What else is drawn of a sample is as it was.
     torch.testing.assert_close(mine.ground, without.ground, rtol=0, atol=0)
+
+
+def test_a_mirrored_thing_of_one_column_is_pasted() -> None:
+    """numpy calls such an array contiguous, and leaves its step backwards as it is."""
+    thing = Patch(
+        top=1,
+        left=2,
+        image=np.full((3, 1, 3), 51.0, np.float32),
+        alpha=np.ones((3, 1), np.float32),
+        depth_m=np.full((3, 1), 4.0, np.float16),
+        classes=np.full((3, 1), 11, np.uint8),
+    ).mirrored
+    image, depth_m, classes = torch.ones(3, 6, 8), torch.full((6, 8), 9.0), torch.zeros(6, 8, dtype=torch.uint8)
+    batches._paste(image, depth_m, classes, None, thing)
+    there = depth_m == 4.0
+    assert there.sum() == 3
+    assert (classes[there] == 11).all()
+    torch.testing.assert_close(image[:, there], torch.full((3, 3), 0.2))
