@@ -205,10 +205,7 @@ class QuarterFusion(nn.Module):
         The middle quantile of the returns around or the road where that is nearer, the road, the nearest return or the
         road; the quantiles, stage 1's return, the depth of most returns of the column.
         """
-        batch, rows, columns = suggested.shape[0], suggested.shape[2], suggested.shape[3]
-        parts = self.detail * self.detail
-        flat = road.reshape(batch, 1, rows, self.detail, columns, self.detail).permute(0, 1, 3, 5, 2, 4)
-        flat = flat.reshape(batch, 1, parts, rows, columns)
+        flat = self.gather(road)
         # What is behind the road is hidden by it.
         nearest, middle = suggested[:, :1].unsqueeze(2), suggested[:, 1:2].unsqueeze(2)
         flat = torch.cat([torch.minimum(flat, middle), flat, torch.minimum(flat, nearest)], dim=1)
@@ -221,7 +218,7 @@ class QuarterFusion(nn.Module):
         return x.reshape(batch, channels, rows * self.detail, columns * self.detail)
 
     def gather(self, x: Tensor) -> Tensor:
-        """The reverse of `spread`; unlike `pixel_unshuffle` it copies rows, in a third of the time."""
+        """(B, C, h detail, w detail) to (B, C, detail detail, h, w), the reverse of `spread`."""
         batch, channels = x.shape[0], x.shape[1]
         rows, columns = x.shape[2] // self.detail, x.shape[3] // self.detail
         x = x.reshape(batch, channels, rows, self.detail, columns, self.detail).permute(0, 1, 3, 5, 2, 4)
