@@ -29,7 +29,8 @@ def export(archive: Archive, path: Path | str) -> None:
     with _quiet_jit():
         torch.jit.save(module, content, _extra_files={CARD_ENTRY: card_text(archive.card)})
     with whole(target) as temporary:
-        temporary.write_bytes(content.getbuffer())
+        # No view of the buffer: where writing fails, Python 3.12.1 collects both in an order that ends the process.
+        temporary.write_bytes(content.getvalue())
 
 
 def freeze(network: nn.Module, dtype: torch.dtype = torch.float32) -> torch.jit.ScriptModule:
